@@ -79,13 +79,13 @@ class ModalDerivative(MotionsDerivative):
 
         What the joints are driven by goes on uniformly accelerated, and takes the modes along.
         """
-        real, grows = np.isrealobj(self.w2), self.w2 < 0.0
+        real = np.isrealobj(self.w2)
         omega = np.sqrt(np.abs(self.w2) if real else self.w2)
         omega = np.where(np.abs(omega) * h < 1e-4, 1e-4 / h, omega)
         tau = (h * table.nodes)[:, None]
         half = 0.5 * tau * omega
         sine, cosine, square = np.sin(half), np.cos(half), omega * omega
-        if real and sometimes(grows):
+        if real and sometimes(grows := self.w2 < 0.0):
             growing = np.where(grows, half, 0.0)  # what does not swing; functions of zero take no time
             sine, cosine = np.where(grows, np.sinh(growing), sine), np.where(grows, np.cosh(growing), cosine)
             square = np.where(grows, -square, square)

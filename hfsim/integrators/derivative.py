@@ -121,7 +121,7 @@ def _in_its_form(at: Linearized, q: Array, natural: Increments, once: bool = Fal
     slopes = [J for J in at.slopes() if J is not None]
     if not isinstance(natural, PlainIncrements):
         slopes = in_natural(natural, natural.geometry(q[None]), *slopes)
-    if len(slopes) == 1 and (modes := ModalDerivative.of_slope(slopes[0], natural)) is not None:
+    if len(slopes) == 1 and not once and (modes := ModalDerivative.of_slope(slopes[0], natural)) is not None:
         return modes
     unit = np.eye(len(q))
     by_v = slopes[1] if len(slopes) > 1 else np.zeros_like(unit)

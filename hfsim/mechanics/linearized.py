@@ -158,8 +158,8 @@ def by_differences(
     moved = np.repeat(np.concatenate([q, v])[None], (2 if dissipates else 1) * n + 1, axis=0)
     steps = _STEP * np.maximum(1.0, np.abs(moved[-1, : len(moved) - 1]))
     moved[np.arange(len(steps)), np.arange(len(steps))] += steps
-    Q, V = (np.ascontiguousarray(part) for part in np.hsplit(moved, [n]))
-    a = acceleration(np.full(len(moved), t), Q, V)
+    Q, V = np.ascontiguousarray(moved[:, :n]), np.ascontiguousarray(moved[:, n:])
+    a = acceleration(t + np.zeros(len(moved)), Q, V)
     slopes = ((a[:-1] - a[-1]) / steps[:, None]).T
     damping = -slopes[:, n:] if dissipates else None
     return Linearized(np.eye(n), -slopes[:, :n], damping, None, None, np.eye(n))

@@ -90,6 +90,21 @@ def test_steps_of_other_methods_are_those_of_numpy(method, name, monkeypatch):
     assert one.q == pytest.approx(other.q, abs=1e-9)
 
 
+@pytest.mark.parametrize("model", ["exact", "linear", "lowOrder"])
+@pytest.mark.parametrize("name", ["pendulum", "door", "two_beams", "blade", "bend_45_continuum"])
+def test_recorded_steps_ask_nothing_of_python(name, model):
+    """What is not written down as operations takes longer than all else of a step."""
+    if model == "lowOrder" and name == "bend_45_continuum":
+        pytest.skip("no such model of a continuum")
+    for method in ("auto", "gear"):
+        scene = scene_of(name, f"solve.model={model}", f"solve.method={method}", "solve.max_steps=6")
+        run_integration(scene, scene.deck.solve)
+        kept = [one for recorded in scene.recordings.values() for one in recorded.values()]
+        kept = [getattr(one, "recorded", one) for one in kept if not isinstance(one, tuple)]
+        assert kept and all(getattr(one, "refused", None) is None for one in kept)
+        assert not any(one.calls if hasattr(one, "calls") else one._program.calls for one in kept)
+
+
 DAMPED = """
 hfsim: 1
 gravity: [%s]

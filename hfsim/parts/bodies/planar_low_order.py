@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, BoolArray
 from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import normal, rotate
 from hfsim.maths.shapes import gauss_legendre
@@ -76,6 +76,11 @@ class LowOrderBeam(ForeshortenedBeam):
         return slice(self.columns.start + RIGID, self.columns.stop)
 
     @cached_property
+    def _below(self) -> BoolArray:
+        """Which entries of a matrix (n, n) are below its diagonal."""
+        return np.tri(self.n, k=-1, dtype=bool)
+
+    @cached_property
     def _resisting(self) -> tuple[Array, Array]:
         """Matrix of EA w'' and EI v'''' over all elastic coordinates, and that of their damping."""
         le = self.mesh.element.length
@@ -126,7 +131,7 @@ class LowOrderBeam(ForeshortenedBeam):
         M[:, 0, 0] = M[:, 1, 1] = m.sum()
         M[:, PLACE, TURN] = rotate(theta, np.stack([-(f.v @ m), axial @ m], axis=-1))
         along = np.concatenate([np.broadcast_to(m @ N_w, (len(x), nw)), -(m @ f.Hv)], axis=1)
-        across = np.tile(np.concatenate([np.zeros(nw), m @ N_v]), (len(x), 1))
+        across = np.broadcast_to(np.concatenate([np.zeros(nw), m @ N_v]), along.shape)
         M[:, PLACE, RIGID:] = rotate(theta[:, None], np.stack([along, across], axis=-1)).swapaxes(1, 2)
         M[:, TURN, TURN] = self._rotary(f) @ m
         M[:, TURN, W] = -(f.v * m) @ N_w
@@ -134,8 +139,7 @@ class LowOrderBeam(ForeshortenedBeam):
         M[:, W, W] = (N_w.T * m) @ N_w
         M[:, W, V] = -((N_w.T * m) @ f.Hv)
         M[:, V, V] = (N_v.T * m) @ N_v + (f.Hv.swapaxes(1, 2) * m) @ f.Hv
-        upper = np.triu(M)
-        return np.asarray(upper + np.triu(M, 1).swapaxes(1, 2))
+        return np.where(self._below, M.swapaxes(1, 2), M)
 
     def _rotary(self, f: _Fields) -> Array:
         """Return s'.s' at the quadrature points; the w v^2 and v^4 parts only when whole."""
