@@ -142,6 +142,12 @@ class Derivative:
         """Return displacements at the stages, (s, n), in natural increments."""
         raise NotImplementedError
 
+    def _linear_motion(self, table: Collocation, start: Start, h: float) -> Array:
+        """Return such displacements as the method itself has them for the linearised equations."""
+        tau = h * table.nodes[:, None]
+        uniform = tau * start.first + h * h * table.A2.sum(axis=1)[:, None] * start.second
+        return self.correction(table, h)(table.A2_inverse @ uniform / h**2)[0]
+
     def residual(self, problem: Problem, stages: Stages) -> Array:
         """Return by how much the accelerations fail the equations, (s, n_r), in columns of its own.
 

@@ -32,7 +32,7 @@ class ModalDerivative(MotionsDerivative):
         Squares of the circular frequencies.
     """
 
-    w2: Array | ComplexArray
+    w2: Array
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,32 +60,17 @@ class ModalDerivative(MotionsDerivative):
         w2, U = np.linalg.eigh(0.5 * (K + K.T))
         return cls(natural, *motions_of(at, natural, q, U.T @ allowed, U.T @ pull), w2)
 
-    @classmethod
-    def of_slope(cls, by_q: Array, natural: Increments) -> ModalDerivative | None:
-        """Return the modes of a derivative in natural increments; None if they are all but parallel."""
-        w2, R = np.linalg.eig(-by_q)
-        try:
-            L = np.linalg.inv(R)
-        except np.linalg.LinAlgError:
-            return None
-        return cls(natural, R, L, None, None, w2) if np.abs(L).max() * len(by_q) < 1e10 else None
-
-    def _real(self, z: ComplexArray) -> Array | ComplexArray:
-        """Drop the imaginary part where the modes are real, so that what follows is real too."""
-        return z.real if np.isrealobj(self.R) else z
-
     def free_motion(self, table: Collocation, start: Start, h: float) -> Array:
         """Let each mode swing from its velocity and acceleration at the start of the step.
 
         What the joints are driven by goes on uniformly accelerated, and takes the modes along.
         """
-        real = np.isrealobj(self.w2)
-        omega = np.sqrt(np.abs(self.w2) if real else self.w2)
-        omega = np.where(np.abs(omega) * h < 1e-4, 1e-4 / h, omega)
+        omega = np.sqrt(np.abs(self.w2))
+        omega = np.where(omega * h < 1e-4, 1e-4 / h, omega)
         tau = (h * table.nodes)[:, None]
         half = 0.5 * tau * omega
         sine, cosine, square = np.sin(half), np.cos(half), omega * omega
-        if real and sometimes(grows := self.w2 < 0.0):
+        if sometimes(grows := self.w2 < 0.0):
             growing = np.where(grows, half, 0.0)  # what does not swing; functions of zero take no time
             sine, cosine = np.where(grows, np.sinh(growing), sine), np.where(grows, np.cosh(growing), cosine)
             square = np.where(grows, -square, square)
@@ -94,7 +79,7 @@ class ModalDerivative(MotionsDerivative):
         p1, p2 = self.L @ start.first, self._modal_acceleration(start)
         swing = p1 * once + p2 * twice
         if self.joints is None:
-            return np.asarray((self._real(swing) @ self.R.T).real)
+            return np.asarray(swing @ self.R.T)
         rate, acceleration = self.joints.jacobian @ start.first, self.joints.jacobian @ start.second
         opened = tau * rate + 0.5 * tau**2 * acceleration
         driven = np.abs(opened[-1]).max(initial=0.0) > DRIVEN
@@ -102,9 +87,9 @@ class ModalDerivative(MotionsDerivative):
             taken = (rate @ self.joints.forces) * _response(tau, once, square, 1)
             taken = taken + (acceleration @ self.joints.forces) * _response(tau, twice, square, 2)
             swing = np.where(driven, swing - taken, swing)
-        return np.asarray((self._real(swing) @ self.R.T).real + self.joints.closed(opened))
+        return np.asarray(swing @ self.R.T + self.joints.closed(opened))
 
-    def _modal_acceleration(self, start: Start) -> Array | ComplexArray:
+    def _modal_acceleration(self, start: Start) -> Array:
         """Return accelerations of the modes, where the mass matrix is known from the forces behind them."""
         if self.mass is None:
             return self.L @ start.second
@@ -132,23 +117,19 @@ class ModalDerivative(MotionsDerivative):
             y = modes @ R
             if joints is not None:
                 y += joints.closed(moved @ r[:, m:])
-            return y[:-1].real, np.abs(y[-1].real).max()
+            return y[:-1], np.abs(y[-1]).max()
 
         return correct
 
     def _parted(self, mu2: ComplexArray) -> tuple[_Factor, _Factor]:
         """Return the factors of modes, and those of what joints are driven by."""
         factor = mu2 / (1.0 + mu2 * self.w2)
-        driven = _factor(mu2.real, mu2.imag)
-        if np.isrealobj(self.w2):
-            return _factor(factor.real, factor.imag), driven
-        other = mu2.conj() / (1.0 + mu2.conj() * self.w2)  # complex frequencies have nothing to do with poles
-        return _factor(0.5 * (factor + other), -0.5j * (factor - other)), driven
+        return _factor(factor.real, factor.imag), _factor(mu2.real, mu2.imag)
 
     def inverse(self, by_q: float, by_v: float) -> Array:
         """Put the inverse together from the modes."""
         divisor = 1.0 / (1.0 + by_q * self.w2)
-        inverse = np.asarray(((self.R * divisor) @ self.L).real)
+        inverse = np.asarray((self.R * divisor) @ self.L)
         if self.joints is not None:
             coupled = self.joints.closing.T - (self.R * (by_q * divisor)) @ self.joints.forces.T
             inverse = inverse + coupled @ self.joints.jacobian
@@ -165,7 +146,7 @@ def _product(factor: _Factor, parts: Any) -> Any:
     return factor[0] * parts + factor[1] * parts[::-1]
 
 
-def _response(tau: Array, free: Array | ComplexArray, square: Array | ComplexArray, power: int) -> Any:
+def _response(tau: Array, free: Array, square: Array, power: int) -> Any:
     """Return how modes at rest answer forces tau^power / power!, beside how they swing by themselves.
 
     The latter, ``free``, is sin(omega tau) / omega or (1 - cos(omega tau)) / omega^2: what is left of

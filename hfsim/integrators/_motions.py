@@ -9,7 +9,7 @@ import numpy as np
 
 from hfsim.integrators._derivative import Derivative, Stages
 from hfsim.integrators._problem import Increments, PlainIncrements, Problem
-from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen, mutable
 from hfsim.mechanics.linearized import Linearized
 
@@ -62,8 +62,8 @@ class MotionsDerivative(Derivative):
     """
 
     increments: Increments
-    R: Array | ComplexArray
-    L: Array | ComplexArray
+    R: Array
+    L: Array
     joints: Joints | None
     mass: Array | None
 
@@ -85,7 +85,7 @@ class MotionsDerivative(Derivative):
             own = self.increments.to_natural_forces(stages.at, forces) @ self.R
             r = np.asarray(own if self.joints is None else np.concatenate([own, gaps], axis=1))
         if stages.strained is not None:
-            r[:, : len(self.L)] -= (self.pull(stages.strained) @ self.R).real
+            r[:, : len(self.L)] -= self.pull(stages.strained) @ self.R
         return r
 
     def reading(self, r: Array) -> Array:

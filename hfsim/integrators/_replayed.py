@@ -19,6 +19,10 @@ from hfsim.integrators.derivative import computed, place_of, taken_at
 from hfsim.maths.arrays import Array
 from hfsim.maths.replayed import rebuilt
 
+MOST_DIFFERENCES = 70
+"""Coordinates up to which derivatives by differences, of as many states at once, are replayed: LAPACK is
+quicker with more."""
+
 
 class Held:
     """A derivative in the memory of a recording, until another one is written there.
@@ -113,7 +117,11 @@ class Replays:
         self, kind: Kind, place: Place, known: Derivative | Held | None = None
     ) -> Replay | None:
         """Return the recording of a kind of steps and their derivatives."""
-        return None if self._problem.linearized is None else self._recorded((kind, None), place, None, known)
+        problem = self._problem
+        by_differences = problem.linearized is None and problem.slopes is None
+        if by_differences and len(place.q) > MOST_DIFFERENCES:
+            return None
+        return self._recorded((kind, None), place, None, known)
 
     def _recorded(
         self, key: tuple[Kind, Any], place: Place, given: Derivative | None, known: Any = None

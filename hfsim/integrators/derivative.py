@@ -1,9 +1,9 @@
 """Derivatives of the accelerations in the forms that Newton corrections need.
 
-With few unknowns and no damping, J is taken apart into modes: a correction is then a division for each
-mode and stage, for any step length.  With damping it is kept as dense matrices of the motions that joints
-allow; with many unknowns, or for one correction alone, as the matrices it comes from, factorised for each
-pole of the method.
+With few unknowns, a constant mass matrix and no damping, J is taken apart into modes: a correction is then a
+division for each mode and stage, for any step length.  Else it is kept as dense matrices of the motions that
+joints allow; with many unknowns, or for one correction alone, as the matrices it comes from, factorised for
+each pole of the method.
 """
 
 from __future__ import annotations
@@ -121,11 +121,9 @@ def _in_its_form(at: Linearized, q: Array, natural: Increments, once: bool = Fal
     slopes = [J for J in at.slopes() if J is not None]
     if not isinstance(natural, PlainIncrements):
         slopes = in_natural(natural, natural.geometry(q[None]), *slopes)
-    if len(slopes) == 1 and not once and (modes := ModalDerivative.of_slope(slopes[0], natural)) is not None:
-        return modes
     unit = np.eye(len(q))
-    by_v = slopes[1] if len(slopes) > 1 else np.zeros_like(unit)
-    return DenseDerivative(natural, unit, unit, None, None, -slopes[0], -by_v)
+    damping = -slopes[1] if len(slopes) > 1 else None
+    return DenseDerivative(natural, unit, unit, None, None, -slopes[0], damping)
 
 
 @mutable
@@ -135,11 +133,11 @@ class DenseDerivative(MotionsDerivative):
     Attributes
     ----------
     stiffness, damping : ndarray, shape (n_motions, n_motions)
-        K and D.
+        K and D; None instead of D where nothing dissipates.
     """
 
     stiffness: Array
-    damping: Array
+    damping: Array | None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -155,16 +153,24 @@ class DenseDerivative(MotionsDerivative):
     def ringing(self) -> Array:
         """Return the circular frequencies of modes of the stiffness that damping lets swing [rad/s]."""
         w2, U = np.linalg.eigh(0.5 * (self.stiffness + self.stiffness.T))
-        omega, drag = np.sqrt(np.abs(w2)), np.einsum("ij,ij->j", U, self.damping @ U)
-        return np.asarray(omega[drag < DAMPED * omega])
+        omega = np.sqrt(np.abs(w2))
+        if self.damping is None:
+            return np.asarray(omega)
+        return np.asarray(omega[np.einsum("ij,ij->j", U, self.damping @ U) < DAMPED * omega])
 
     def check(self) -> None:
         """Refuse what is not finite: LAPACK would print a complaint of its own."""
-        if not (np.isfinite(self.stiffness).all() and np.isfinite(self.damping).all()):
+        damping = 0.0 if self.damping is None else self.damping
+        if not (np.isfinite(self.stiffness).all() and np.isfinite(damping).all()):
             raise np.linalg.LinAlgError("the derivative is not finite")
 
     def free_motion(self, table: Collocation, start: Start, h: float) -> Array:
-        """Keep the accelerations at the start of the step, less what dies out at once."""
+        """Keep the accelerations at the start of the step, less what dies out at once.
+
+        Where nothing dies out, it is the linearised motion.
+        """
+        if self.damping is None:
+            return self._linear_motion(table, start, h)
         tau, m = (h * table.nodes)[:, None], len(self.stiffness)
         rate = start.first @ self._columns
         pulled = self.stiffness @ rate[:m]
@@ -215,7 +221,8 @@ class DenseDerivative(MotionsDerivative):
 
     def _inverted(self, by_k: Any, by_d: Any) -> Any:
         """Return the inverse of 1 + by_k K + by_d D."""
-        return np.linalg.inv(np.eye(len(self.stiffness)) + by_k * self.stiffness + by_d * self.damping)
+        matrix = np.eye(len(self.stiffness)) + by_k * self.stiffness
+        return np.linalg.inv(matrix if self.damping is None else matrix + by_d * self.damping)
 
 
 @mutable
@@ -280,9 +287,7 @@ class PlainDerivative(Derivative):
 
     def free_motion(self, table: Collocation, start: Start, h: float) -> Array:
         """Return the stages of the linearised motion."""
-        tau = h * table.nodes[:, None]
-        uniform = tau * start.first + h * h * table.A2.sum(axis=1)[:, None] * start.second
-        return self.correction(table, h)(table.A2_inverse @ uniform / h**2)[0]
+        return self._linear_motion(table, start, h)
 
     def correction(self, table: Collocation, h: float) -> Correction:
         """Solve with M + (h pole)^2 K + h pole D."""

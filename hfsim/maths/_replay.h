@@ -51,7 +51,6 @@ _Static_assert(sizeof(Op) == 256 && sizeof(void *) == 8, "a machine with address
     X(log_d, d, d, log(a)) X(asin_d, d, d, asin(a)) X(acos_d, d, d, acos(a)) X(atan_d, d, d, atan(a))        \
     X(rint_d, d, d, rint(a))                                                                                 \
     X(sign_d, d, d, a > 0 ? 1.0 : a < 0 ? -1.0 : a == 0 ? 0.0 : a) X(abs_D, d, D, cabs(a))                   \
-    X(sqrt_D, D, D, csqrt(a)) X(sin_D, D, D, csin(a)) X(cos_D, D, D, ccos(a))                                \
     X(neg_D, D, D, -a) X(sqr_D, D, D, mul(a, a)) X(conj_D, D, D, CMPLX(creal(a), -cimag(a)))
 #define CHOICES(X)                                                                                           \
     X(sin_d, "dd") X(cos_d, "dd") X(exp_D, "DD") X(where_d, "dbdd") X(where_D, "DbDD") X(gather_d, "ddi") X(gather_D, "DDi")

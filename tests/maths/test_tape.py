@@ -109,7 +109,6 @@ FUNCTIONS = {
     "joined": lambda x, y: np.concatenate([x, y[:2], np.stack([x[0], y[0]])]),
     "choices": lambda x, y: np.where(x > y, x, 2.0 * y),
     "complex": lambda x, y: np.abs((x + 2j * y) * (1 + 2j)) + ((x + 1j) / (y + 1j)).conj().imag,
-    "complex functions": lambda x, y: (np.sqrt(x + 1j * y) * np.sin(y + 0.5j * x) + np.cos(1j * x)).imag,
     "parts": lambda x, y: shifted(x),
     "repeated": lambda x, y: np.repeat(x[:1], 7, axis=0) * y,
     "bins": lambda x, y: np.bincount(np.array([0, 2, 2, 5]), weights=x[0, :4], minlength=7)[:, None] * y,
