@@ -191,6 +191,11 @@ class Problem:
         """Whether accelerations depend on time and positions alone."""
         return self.constant_mass and not self.dissipates and self.project is None
 
+    @property
+    def by_differences(self) -> bool:
+        """Whether derivatives of the accelerations come from differences."""
+        return self.linearized is None and self.slopes is None
+
     def count_on(self, n: int, start: float, end: float) -> None:
         """Begin to count, in a run of n coordinates between these times, what is called often."""
         self.often = Often(self.recordings if n <= MOST else None, start, end, n)

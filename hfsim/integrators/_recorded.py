@@ -17,7 +17,7 @@ from hfsim.integrators._marched import Marched
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._trial import At, InNumPy, common, derived, here, parted, starts, together, tried
 from hfsim.maths.arrays import Array
-from hfsim.maths.replayed import agree, arrays_in, jittered, rebuilt
+from hfsim.maths.replayed import AGREEING, HALF, agree, arrays_in, jittered, rebuilt
 from hfsim.maths.traced import plain
 
 PARTS = ("derive", "start", "guess", "middle", "reach", "prepare", "correct", "small", "finite", "end")
@@ -71,7 +71,7 @@ class Recorded(Marched):
 
         def near() -> list[Array]:
             other = place._replace(q=jittered(place.q), v=jittered(place.v))
-            step = InNumPy(problem, kind, other, given)
+            step = InNumPy(problem, kind, other, rebuilt(given, jittered))
             return common(tried(step, other, (jittered(begun[0]), begun[1]))[1], found)
 
         self.begin(place)
@@ -81,7 +81,8 @@ class Recorded(Marched):
         else:
             self.put(given)
         found = tried(self, place, begun)[1]
-        agree(common(expected, found), common(found, found), 1.0 + np.abs(place.q).max(), near)
+        agreeing = HALF if problem.by_differences else AGREEING
+        agree(common(expected, found), common(found, found), 1.0 + np.abs(place.q).max(), near, agreeing)
 
     def _record(self, problem: Problem, kind: Kind, place: Place, given: Derivative | None) -> None:
         """Make a step on a tape; take hold of its memory and its programs."""

@@ -19,7 +19,7 @@ from hfsim.integrators.derivative import computed, place_of, taken_at
 from hfsim.maths.arrays import Array
 from hfsim.maths.replayed import rebuilt
 
-MOST_DIFFERENCES = 70
+MOST_DIFFERENCES = 60
 """Coordinates up to which derivatives by differences, of as many states at once, are replayed: LAPACK is
 quicker with more."""
 
@@ -117,9 +117,7 @@ class Replays:
         self, kind: Kind, place: Place, known: Derivative | Held | None = None
     ) -> Replay | None:
         """Return the recording of a kind of steps and their derivatives."""
-        problem = self._problem
-        by_differences = problem.linearized is None and problem.slopes is None
-        if by_differences and len(place.q) > MOST_DIFFERENCES:
+        if self._problem.by_differences and len(place.q) > MOST_DIFFERENCES:
             return None
         return self._recorded((kind, None), place, None, known)
 

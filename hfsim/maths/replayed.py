@@ -16,6 +16,8 @@ from hfsim.maths.traced import Refused, plain
 
 AGREEING = 1e-7
 """Difference from NumPy, over the largest entry, that is rounding: what is wrong is wrong by far more."""
+HALF = 1e-5
+"""The same where derivatives come from differences, which keep half the digits."""
 ROUNDING = 1e-9
 """The same over the largest coordinate: guesses may be stiff, which amplifies it."""
 UNREADABLE = Exception
@@ -113,6 +115,7 @@ def agree(
     found: Sequence[Array],
     scale: float = 0.0,
     near: Callable[[], Sequence[Array]] | None = None,
+    agreeing: float = AGREEING,
 ) -> None:
     """Refuse what differs from what NumPy finds.
 
@@ -125,11 +128,13 @@ def agree(
     near : callable, optional
         What NumPy finds with numbers that differ in their last digit: how far rounding reaches in a stiff
         scene, in any of the results, which then are of one kind.
+    agreeing : float
+        Difference over the largest entry that is small.
     """
     reach = 0.0 if near is None else None
     for one, other in zip(own, found, strict=True):
         size, error = _largest(one), _largest(one - other)
-        if not isfinite(size) or error <= max(AGREEING * size, ROUNDING * scale):
+        if not isfinite(size) or error <= max(agreeing * size, ROUNDING * scale):
             continue
         if reach is None and near is not None:
             pairs = zip(own, near(), strict=True)
