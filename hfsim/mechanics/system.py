@@ -306,7 +306,7 @@ class System:
         """
         if min(q[self.reduction.stretches].tolist(), default=1.0) <= 0.0:
             return False
-        return not self.variable_mass or self._smallest_inertia(self.absolute(q[None]))[0] > 0.0
+        return not self.variable_mass or self._has_inertia(self.absolute(q[None]))
 
     def breakdown(self, t: float, q: Array) -> SolverFailure | None:
         """Return why no step leads on from a state (n,), if a body says that its model has broken down."""
@@ -323,6 +323,14 @@ class System:
         for body in self.variable_mass:
             straight[0, body.columns] = body.straightened(x[0, body.columns])
         return straight
+
+    def _has_inertia(self, x: Array) -> bool:
+        """Whether the mass matrix is positive definite in a state (1, n_x), for allowed motions at least."""
+        try:
+            np.linalg.cholesky(self.unreduced.mass(x)[0])  # for all: that is found much sooner
+        except np.linalg.LinAlgError:
+            return self._smallest_inertia(x)[0] > 0.0
+        return True
 
     def _smallest_inertia(self, x: Array) -> tuple[float, Array]:
         """Return the smallest eigenvalue of the mass matrix among allowed motions, and that motion.
