@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from published import published
+from scipy.linalg import null_space
 from scipy.optimize import brentq
 from scipy.special import ellipj, ellipk
 
@@ -470,6 +471,22 @@ def test_energy_balance_with_loads_dampers_and_drivers(model):
 def test_energy_balance_of_low_order_with_whole_inertia():
     result = run(BUSY, "lowOrder", bodies__b1__truncation="none")
     assert result.statistics["energy_drift"] < 1e-6
+
+
+@pytest.mark.parametrize("name", ["pendulum", "hub_beams_soft"])
+def test_states_make_sense_where_all_motions_that_joints_allow_have_inertia(name):
+    """Whether or not others have it, which joints forbid."""
+    scene = build(load_deck(CASES / f"{name}.yaml", ["solve.model=lowOrder"]))
+    system, rng, seen = scene.system, np.random.default_rng(4), set()
+    for _ in range(40):
+        q = scene.q + rng.uniform(0.0, 0.3) * rng.normal(size=len(scene.q))
+        x = system.absolute(q[None])
+        M, rows = system.unreduced.mass(x)[0], system.unreduced.phi.jacobians(x)[0]
+        Z = null_space(rows)
+        whole, allowed = (np.linalg.eigvalsh(one)[0] > 0.0 for one in (M, Z.T @ M @ Z))
+        assert system.admissible(q) == allowed
+        seen.add((bool(whole), bool(allowed)))
+    assert seen == {(True, True), (False, True), (False, False)}
 
 
 @pytest.mark.parametrize("model", ["exact", "ancf"])
