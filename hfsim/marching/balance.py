@@ -14,7 +14,7 @@ from hfsim.maths.arrays import Array, at_once, random_signs, slices
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.system import System
 
-INNER_POINTS = 10
+INNER_POINTS = 16
 """Gauss points in a step at which power is looked at, at least: as many as the steps have stages."""
 
 LOOKED_INTO = 500
@@ -230,6 +230,7 @@ def _work(system: System, steps: StepSamples) -> Array:
     mean, points = np.zeros(len(steps.t) - 1), len(steps.shares)
     for part in slices(len(mean), at_once(system.n) // points):
         t, q, v = steps.inside(part, steps.shares)
+        q, v = system.project(t, q, v)
         x, u = system.absolute(q), system.absolute_velocity(q, v)
         try:
             mean[part] = system.power(t, x, u).reshape(-1, points) @ steps.weights
