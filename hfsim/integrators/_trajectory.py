@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from hfsim.integrators._tableau import legendre
 from hfsim.maths.arrays import Array, IntArray, distinct, slices
 from hfsim.maths.shapes import gauss_legendre
 
+_Key = TypeVar("_Key", int, float)
 Watch = Callable[[float, Array, Array], None]
 """Is told (t, q, v) of every kept step's end; may raise to end the run."""
 
@@ -57,13 +58,6 @@ class Segment(NamedTuple):
         return self.q + self.h * theta[..., None] * self.v + self.h**2 * (twice @ self.series)
 
 
-def _stacked(steps: Sequence[Segment]) -> Segment:
-    """Return steps with series of one length as one, whose arrays have an axis for them ahead of others."""
-    fields: list[Any] = [np.array(one) for one in zip(*steps, strict=True)]
-    t, h, q, v, series = fields
-    return Segment(t[:, None], h[:, None, None], q[:, None], v[:, None], series)
-
-
 @lru_cache(maxsize=64)
 def _polynomials(places: bytes, count: int) -> tuple[Array, Array]:
     """Return the integrals of polynomials at places, as `Segment.read` wants them."""
@@ -95,6 +89,23 @@ WHOLE = 1.0 - 1e-12
 """Share of a step from which a stretch is all of it."""
 RECENT = 64
 """Steps at the end of a trajectory that are kept as they are."""
+
+
+def _alike(
+    steps: Sequence[Segment], keys: Sequence[_Key]
+) -> Iterator[tuple[_Key, list[int], Segment]]:
+    """Yield steps with equal keys and series as long, as many as are read in one go.
+
+    Each time with their key, their numbers, and as one step whose arrays have an axis for them first.
+    """
+    groups: dict[tuple[_Key, int], list[int]] = {}
+    for k, (key, step) in enumerate(zip(keys, steps, strict=True)):
+        groups.setdefault((key, step.series.size), []).append(k)
+    for (key, size), found in groups.items():
+        for own in (found[some] for some in slices(len(found), MOST // size)):
+            fields: list[Any] = [np.array(one) for one in zip(*(steps[k] for k in own), strict=True)]
+            t, h, q, v, series = fields
+            yield key, own, Segment(t[:, None], h[:, None, None], q[:, None], v[:, None], series)
 
 
 def _joined_pair(first: Segment, second: Segment, after: Segment) -> list[Segment]:
@@ -158,37 +169,22 @@ class Trajectory:
         q = np.empty((len(steps), len(shares), len(self.q)))
         v = np.empty_like(q)
         kept = (self.t_end - last.t) / last.h
-        alike: dict[tuple[int, float], list[int]] = {}
-        for k, step in enumerate(steps):
-            part = kept if step is last and kept < WHOLE else 1.0
-            alike.setdefault((len(step.series), part), []).append(k)
-        for (_, part), own in alike.items():
-            q[own], v[own] = _stacked([steps[k] for k in own]).inside(part * shares)
+        parts = [kept if step is last and kept < WHOLE else 1.0 for step in steps]
+        for part, own, alike in _alike(steps, parts):
+            q[own], v[own] = alike.inside(part * shares)
         return q, v
 
     def _read(self, times: Array, owner: IntArray, q: Array, v: Array) -> None:
         """Fill in states at sorted times within the steps that own them: those of steps alike in one go."""
         own = distinct(owner)
-        begin, length = (np.array([getattr(self.segments[k], name) for k in own]) for name in ("t", "h"))
-        nth = np.searchsorted(own, owner)
-        theta = (times - begin[nth]) / length[nth]
-        _, once, twice = legendre(theta, max(len(self.segments[k].series) for k in own))
-        for steps, rows in self._alike(own, owner):
-            count = len(steps[0].series)
-            q[rows], v[rows] = _stacked(steps).read(theta[rows], once[rows, :count], twice[rows, :count])
-
-    def _alike(self, own: IntArray, owner: IntArray) -> Iterator[tuple[Sequence[Segment], IntArray]]:
-        """Yield steps that own as many times, with series as long, and where these are, (n_steps, n_own)."""
-        first = np.searchsorted(owner, own)
+        steps, first = [self.segments[k] for k in own.tolist()], np.searchsorted(owner, own)
         counts = np.diff(first, append=len(owner))
-        alike: dict[tuple[int, int], list[tuple[Segment, int]]] = {}
-        for k, count, begin in zip(own.tolist(), counts.tolist(), first.tolist(), strict=True):
-            step = self.segments[k]
-            alike.setdefault((count, step.series.size), []).append((step, begin))
-        for (count, size), found in alike.items():
-            for some in slices(len(found), MOST // size):
-                steps, begins = zip(*found[some], strict=True)
-                yield steps, np.array(begins)[:, None] + np.arange(count)
+        begin, length = (np.repeat([getattr(s, name) for s in steps], counts) for name in ("t", "h"))
+        theta = (times - begin) / length
+        _, once, twice = legendre(theta, max(len(s.series) for s in steps))
+        for count, some, alike in _alike(steps, counts.tolist()):
+            rows, m = first[some][:, None] + np.arange(count), alike.series.shape[1]
+            q[rows], v[rows] = alike.read(theta[rows], once[rows, :m], twice[rows, :m])
 
     @property
     def names(self) -> list[str]:

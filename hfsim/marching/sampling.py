@@ -34,7 +34,7 @@ class SceneSamples(Samples):
     def batches(self) -> Iterator[tuple[slice, SceneSamples]]:
         """Yield as many times as are looked at in a batch: where they are, and their samples."""
         parts = slices(len(self.t), at_once(self.scene.system.n))
-        yield from ((some, self.of(some)) for some in parts) if len(parts) > 1 else [(slice(None), self)]
+        yield from ((some, self.of(some) if len(parts) > 1 else self) for some in parts)
 
     def outline_forces(self, rows: IntArray) -> Iterator[tuple[str, str, Array]]:
         """Yield quantity, body, and internal forces along its outline at some times, (n_rows, n_points)."""
@@ -93,12 +93,10 @@ def samples_at(scene: Scene, trajectory: Trajectory, times: Array) -> SceneSampl
 
 def samples_of(scene: Scene, t: Array, q: Array, v: Array, turns: dict[str, Array]) -> SceneSamples:
     """Return samples of states as they were read, which are moved onto the joints."""
-    project, parts = scene.system.project, slices(len(t), at_once(scene.system.n))
-    if len(parts) > 1:
-        moved = [project(t[some], q[some], v[some]) for some in parts]
+    parts = slices(len(t), at_once(scene.system.n))
+    moved = [scene.system.project(t[some], q[some], v[some]) for some in parts]
+    if moved:
         q, v = (np.concatenate(one) for one in zip(*moved, strict=True))
-    else:
-        q, v = project(t, q, v)
     return SceneSamples(scene, t, q, v, turns)
 
 
