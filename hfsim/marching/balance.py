@@ -10,10 +10,12 @@ import numpy as np
 
 from hfsim.integrators import Trajectory
 from hfsim.marching.rounding import ROUNDING
-from hfsim.maths.arrays import Array, at_once, random_signs, slices
+from hfsim.maths.arrays import Array, random_signs, slices
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.system import System
 
+MAX_STATES = 500
+"""States looked at in one batch: fewer take longer where joints are closed, more of them more memory."""
 INNER_POINTS = 16
 """Gauss points in a step at which power is looked at, at least: as many as the steps have stages."""
 
@@ -132,7 +134,7 @@ class Balance:
         """Take the next stretch, which begins where the last one ended."""
         system, sums = self._system, self._sums
         work = sums[_Sum.WORK] + _work(system, steps)
-        for part in slices(len(steps.t), at_once(system.n)):
+        for part in slices(len(steps.t), MAX_STATES):
             t, q, v = steps.t[part], steps.q[part], steps.v[part]
             x, u = system.absolute(q), system.absolute_velocity(q, v)
             energies = energies_of(system, t, x, u)
@@ -228,7 +230,7 @@ def _work(system: System, steps: StepSamples) -> Array:
     if not system.exchanges_power:
         return np.zeros(len(steps.t))
     mean, points = np.zeros(len(steps.t) - 1), len(steps.shares)
-    for part in slices(len(mean), at_once(system.n) // points):
+    for part in slices(len(mean), MAX_STATES // points):
         t, q, v = steps.inside(part, steps.shares)
         q, v = system.project(t, q, v)
         x, u = system.absolute(q), system.absolute_velocity(q, v)
