@@ -8,6 +8,7 @@ from hfsim.marching.balance import balance, step_samples
 from hfsim.marching.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
+from hfsim.scene.shipped import find_deck
 from hfsim.simulate import simulate
 
 ROTOR = """
@@ -134,6 +135,13 @@ def test_a_motion_out_of_all_scale_is_a_drift_and_not_rounding(size):
     with np.errstate(all="ignore"):
         facts = balance(scene.system, step_samples(Trajectory(0.0, 0.3, far, scene.v, segments)))
     assert facts["energy_drift"] == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("method, most", [("generalized_alpha", 1e-4), ("gear", 5e-3), ("energy", 4e-9)])
+def test_drift_is_that_of_steps_and_not_of_how_their_inside_leaves_the_joints(method, most):
+    """Power of the drivers in states off the joints makes ten times as much of it, and more."""
+    settings = (f"solve.method={method}", "solve.tolerance=1e-3", "solve.duration=0.1")
+    assert drift(find_deck("joints").read_text(), *settings) < most
 
 
 def test_steps_that_feed_the_motion_end_it_as_a_fault_of_the_method():
