@@ -10,6 +10,8 @@ in the joints are not.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -22,18 +24,22 @@ from hfsim.mechanics.equations import Equations
 from hfsim.mechanics.system import System
 from hfsim.scene.loading import LoadedDeck
 
-STEP = 0.1
+STEP = 0.2
 """Largest change of a coordinate in a step of the motion that is tried [m, or - of axes]."""
-MOST_STEPS, EFFORT = 100, 4e5
+MOST_STEPS, EFFORT = 100, 1.2e6
 """Steps at most, and products of rows and coordinates of all of them."""
 ROUND = 10
 """Steps from which the motion may have come round to where it began."""
-ITERATIONS = 8
-"""Newton iterations that close the joints after a step."""
+ITERATIONS = 12
+"""Corrections that close the joints after a step."""
 AGREE = 1e-8
 """Gap, per unit of a row's derivative, up to which joints agree."""
+SLIGHT = 1e-2
+"""Gap of independent rows, over that of the others, that is left where these do not agree."""
 TAKES_PART = 1e-6
 """Component of a null vector from which a row takes part in a dependence."""
+NEGATIVE = 1e-3
+"""Imaginary part over the real one up to which an eigenvalue is real."""
 MOST_ROWS = 1500
 """Joint equations up to which redundant ones are sought and left out."""
 
@@ -128,6 +134,34 @@ def _numbered(own: Equations, rows: Sequence[int]) -> dict[int, list[int]]:
     return found
 
 
+class _Decomposed(NamedTuple):
+    """Joint equations in some state by what is independent of them: singular vectors of rows of unit length.
+
+    Attributes
+    ----------
+    left : ndarray, shape (n_rows, n_rows)
+        Over the lengths of the rows.
+    sizes : ndarray, shape (n_rows - missing,)
+    right : ndarray, shape (n, n)
+    lengths : ndarray, shape (n_rows,)
+    """
+
+    left: Array
+    sizes: Array
+    right: Array
+    lengths: Array
+
+    @property
+    def null(self) -> Array:
+        """Left null vectors, shape (n_rows, missing)."""
+        return np.asarray((self.left * self.lengths[:, None])[:, len(self.sizes) :])
+
+    def parted(self, gaps: Array) -> tuple[Array, Array]:
+        """Return what gaps (n_rows,) are of independent rows, and of the rest."""
+        parts = gaps @ self.left
+        return parts[: len(self.sizes)], parts[len(self.sizes) :]
+
+
 class _Motion:
     """A motion of a scene along what its joints leave free.
 
@@ -145,12 +179,12 @@ class _Motion:
         """Move on from coordinates (n_x,); return by how much rows miss that agreed there, or 0."""
         reduction, ahead = self._own.reduction, None
         first, z = None, reduction.free(x[None])
+        here = self._decomposed(z)
         for _ in range(int(np.clip(EFFORT / (self._own.n_rows * self._own.n), 4, MOST_STEPS))):
-            left, sizes, right = self._decomposed(z)[:3]
-            if sizes[-1] <= LOST**0.5 * sizes[0]:
+            if here.sizes[-1] <= LOST**0.5 * here.sizes[0]:
                 break
-            self.null.append(left[:, len(sizes) :])
-            free = right[len(sizes) :]
+            self.null.append(here.null)
+            free = here.right[len(here.sizes) :]
             if not len(free):
                 break
             step = free.T @ (
@@ -158,8 +192,10 @@ class _Motion:
             )
             ahead = step * STEP / np.abs(reduction.expand_rates(step[None])).max()
             first = ahead if first is None else first
-            z, rest, apart = self._closed(z + ahead)
-            if rest > AGREE:
+            z = self._closed(z + ahead)
+            here = self._decomposed(z)
+            rest, apart = (float(np.abs(gaps).max(initial=0.0)) for gaps in here.parted(self._gaps(z)))
+            if rest > max(AGREE, SLIGHT * apart):
                 break
             if apart > AGREE:
                 return apart
@@ -171,26 +207,25 @@ class _Motion:
                 break
         return 0.0
 
-    def _decomposed(self, z: Array) -> tuple[Array, Array, Array, Array]:
-        """Return left vectors, sizes, right vectors of what is independent, gaps over the rows' lengths."""
+    def _decomposed(self, z: Array) -> _Decomposed:
         x = self._own.reduction.expand(z)
         J = dense(self._own.phi.jacobian_at(x) @ self._own.reduction.basis)
         lengths = np.maximum(np.linalg.norm(J, axis=1), 1e-300)
         left, sizes, right = np.linalg.svd(J / lengths[:, None])
-        gaps = self._own.phi.residual(np.zeros(1), x)[0] / lengths
-        return left, sizes[: len(J) - self._missing], right, gaps
+        return _Decomposed(left / lengths[:, None], sizes[: len(J) - self._missing], right, lengths)
 
-    def _closed(self, z: Array) -> tuple[Array, float, float]:
-        """Return the nearest state in which independent rows hold, what is left of these and of the rest."""
+    def _gaps(self, z: Array) -> Array:
+        return np.asarray(self._own.phi.residual(np.zeros(1), self._own.reduction.expand(z))[0])
+
+    def _closed(self, z: Array) -> Array:
+        """Return the nearest state in which independent rows hold."""
+        there = self._decomposed(z)
         for _ in range(ITERATIONS):
-            left, sizes, right, gaps = self._decomposed(z)
-            own = left[:, : len(sizes)].T @ gaps
-            if np.abs(own).max(initial=0.0) < 1e-3 * AGREE:
+            rest, _ = there.parted(self._gaps(z))
+            if np.abs(rest).max(initial=0.0) < 1e-3 * AGREE:
                 break
-            z = z - (own / np.maximum(sizes, LOST)) @ right[: len(sizes)]
-        left, sizes, _, gaps = self._decomposed(z)
-        parts = np.abs(left.T @ gaps)
-        return z, float(parts[: len(sizes)].max(initial=0.0)), float(parts[len(sizes) :].max(initial=0.0))
+            z = z - (rest / np.maximum(there.sizes, LOST)) @ there.right[: len(rest)]
+        return z
 
     @property
     def _weights(self) -> Array:
@@ -216,11 +251,46 @@ class _Motion:
             for first in range(len(places))
             if len(chosen := _cut(null, places, first)) == self._missing
         ]
-        return max(trials, key=self._margin)
+        best = max(trials, key=self._margin)
+        while self._margin(best)[0] < 0:
+            other = max(_exchanged(best, np.concatenate(places).tolist()), key=self._margin)
+            if self._margin(other) <= self._margin(best):
+                break
+            best = other
+        return best
 
-    def _margin(self, rows: list[int]) -> float:
-        """Return how independent the other rows stay along the motion."""
-        return min(float(np.linalg.svd(null[rows], compute_uv=False)[-1]) for null in self.null)
+    def _margin(self, rows: list[int]) -> tuple[int, float]:
+        """Return how independent the other rows stay along the motion.
+
+        Returns
+        -------
+        crossings : int
+            Minus the number of times that they depend on one another between two steps.
+        least : float
+            How independent they are in all steps, at least.
+        """
+        parts = np.array([null[rows] for null in self.null])
+        least = float(np.linalg.svd(parts, compute_uv=False)[:, -1].min())
+        if least < TAKES_PART:
+            return -len(parts), least
+            return -len(parts), least
+        # from one step straight to the next something is zero where this has a negative eigenvalue
+        ratios = np.linalg.eigvals(np.linalg.solve(parts[:-1], parts[1:] @ self._turns))
+        return -int(((ratios.real < 0.0) & (np.abs(ratios.imag) < NEGATIVE * -ratios.real)).sum()), least
+
+    @cached_property
+    def _turns(self) -> Array:
+        """What turns null vectors of each step, but the first, into those of the step before."""
+        turns = [other.T @ one for one, other in pairwise(self.null)]
+        return np.array(turns).reshape(-1, self._missing, self._missing)
+
+
+def _exchanged(rows: list[int], others: list[int]) -> Iterator[list[int]]:
+    """Yield rows with one of them exchanged for another."""
+    for k in range(len(rows)):
+        for row in others:
+            if row not in rows:
+                yield [*rows[:k], row, *rows[k + 1 :]]
 
 
 def _cut(null: Array, places: Sequence[IntArray], first: int) -> list[int]:

@@ -31,6 +31,7 @@ from hfsim.trust.experiments import (
     Experiments,
     command,
     joint_dependence,
+    left_out_counts,
     listed,
 )
 from hfsim.trust.validity import STEEP, truncated_beams, watch_validity
@@ -96,6 +97,8 @@ def _dead_centre(stop: SolverFailure, trial: Experiments) -> SolverFailure | Non
     first, last = (joint_dependence(scene, q) for q in (scene.q, end.q))
     if last.size > DEAD * first.size:
         return None
+    if left_out_counts(scene, end.q):
+        return _left_out(stop, trial, last.size)
     driven = {row.item for row in scene.system.constraints if row.driven}
     involved = [f"joints.{name}" for name in last.joints]
     drivers = [item for item in involved if item in driven]
@@ -106,6 +109,16 @@ def _dead_centre(stop: SolverFailure, trial: Experiments) -> SolverFailure | Non
     reason += "the joint equations lose their rank and no single motion leads on"
     evidence = {"smallest_singular_value": last.size, "smallest_singular_value_at_start": first.size}
     return replace(_classed(stop, "physical", item, evidence, trial.command_until_then()), reason=reason)
+
+
+def _left_out(stop: SolverFailure, trial: Experiments, size: float) -> SolverFailure:
+    """Equations of joints that others made superfluous near the start, and do not any more."""
+    item, at = trial.scene.system.redundant[0].item, trial.done.trajectory.t_end
+    reason = f"at t = {at:.4g} s an equation of {item} counts that was left out: "
+    reason += "the others depend on one another there"
+    remedy = "free a motion of a joint of that loop: spherical or cylindrical for revolute"
+    evidence = {"smallest_singular_value": size}
+    return replace(_classed(stop, "numerical", item, evidence, remedy), reason=reason)
 
 
 def _truncated_model(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:

@@ -16,6 +16,7 @@ from hfsim.marching.integration import Integration, run_integration
 from hfsim.marching.stop import Budget
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import mutable
+from hfsim.maths.matrices import dense
 from hfsim.maths.rank import Dependence, dependence
 from hfsim.parts.bodies.models import LADDER, MODELS
 from hfsim.scene.build import Scene, build
@@ -187,6 +188,23 @@ def joint_dependence(scene: Scene, q: Array) -> Dependence:
     equations = scene.system.unreduced
     rows = equations.phi.jacobian_at(scene.system.absolute(q[None]))
     return dependence(rows, equations.rows, scene.joints, ALIGNED)
+
+
+def left_out_counts(scene: Scene, q: Array) -> bool:
+    """Tell whether equations that are left out make up for others that are lost in a state (n,)."""
+    system = scene.system
+    if not system.redundant:
+        return False
+    x = system.absolute(q[None])
+    rows = np.vstack([dense(one.phi.jacobian_at(x)) for one in system.monitored])
+    own, every = (_independent(some) for some in (rows[: system.unreduced.n_rows], rows))
+    return every > own
+
+
+def _independent(rows: Array) -> int:
+    """Return how many rows of unit length are independent, and not all but dependent."""
+    sizes = np.linalg.svd(rows / np.linalg.norm(rows, axis=1, keepdims=True), compute_uv=False)
+    return int(np.sum(sizes > DEAD * sizes[0]))
 
 
 def command(loaded: LoadedDeck, changes: dict[str, Any], force: bool = False) -> str:
