@@ -49,6 +49,19 @@ class Recordings(dict[int, dict[Any, Any]]):
                 kept[key] = why
         return None if isinstance(kept[key], Exception) else kept[key]
 
+    def replayed(self, kind: str, function: Callable[..., _Found]) -> Replayed[_Found]:
+        """Return a function, replayed from when it is first called, by what names it and its shapes."""
+        kept = self.mine
+        found: Replayed[_Found] | None = kept.get(kind)
+        if found is None:
+            found = kept[kind] = Replayed(function)
+        return found
+
+    @staticmethod
+    def pay(calls: float, n: int) -> bool:
+        """Tell whether recordings of functions that are called so often pay, with so many coordinates."""
+        return kernel.KERNEL == "native" and n <= MOST and calls > MANY * max(1.0, (n / LARGE) ** 2)
+
 
 class Often(Remembering):
     """Which functions are replayed in a run.
@@ -97,11 +110,7 @@ class Often(Remembering):
         """
         if Recording.tape is not None or not self.ask(kind):
             return function(*given)
-        kept = self._recordings.mine
-        found: Replayed[_Found] | None = kept.get(kind)
-        if found is None:
-            found = kept[kind] = Replayed(function)
-        return found(*given)
+        return self._recordings.replayed(kind, function)(*given)
 
     def ask(self, kind: str) -> bool:
         """Tell whether a function is replayed; if not, count the call."""

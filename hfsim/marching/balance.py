@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import IntEnum
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from hfsim.integrators import Trajectory
+from hfsim.marching.replaying import Replaying
 from hfsim.marching.rounding import ROUNDING
 from hfsim.maths.arrays import Array, random_signs, slices
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.system import System
+from hfsim.scene.build import Scene
 
 MAX_STATES = 500
 """States looked at in one batch: fewer take longer where joints are closed, more of them more memory."""
@@ -77,9 +80,9 @@ def step_samples(trajectory: Trajectory) -> StepSamples:
     )
 
 
-def balance(system: System, steps: StepSamples) -> dict[str, Any]:
+def balance(scene: Scene, steps: StepSamples) -> dict[str, Any]:
     """Return energy drift and constraint violations along a trajectory; see `Balance`."""
-    found = Balance(system)
+    found = Balance(scene)
     found.add(steps)
     return found.facts()
 
@@ -123,8 +126,8 @@ class Balance:
     that, and beyond it a share of at least `AT_REST` times that.
     """
 
-    def __init__(self, system: System) -> None:
-        self._system = system
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
         self._sums: Array = np.zeros(len(_Sum))
         self._sums[_Sum.INITIAL] = np.nan
         self._ranges = np.array([[np.inf] * 3, [-np.inf] * 3])
@@ -132,8 +135,8 @@ class Balance:
 
     def add(self, steps: StepSamples) -> None:
         """Take the next stretch, which begins where the last one ended."""
-        system, sums = self._system, self._sums
-        work = sums[_Sum.WORK] + _work(system, steps)
+        system, sums = self._scene.system, self._sums
+        work = sums[_Sum.WORK] + _work(self._scene, steps)
         for part in slices(len(steps.t), MAX_STATES):
             t, q, v = steps.t[part], steps.q[part], steps.v[part]
             x, u = system.absolute(q), system.absolute_velocity(q, v)
@@ -222,20 +225,30 @@ def _inner_kinetic(system: System, steps: StepSamples) -> float:
     return float(system.kinetic_energy(x, u).max())
 
 
-def _work(system: System, steps: StepSamples) -> Array:
+def _work(scene: Scene, steps: StepSamples) -> Array:
     """Return the work put in by loads, drivers and dampers up to each step end, shape (n_steps + 1,).
 
     It is not a number where the equations are singular.
     """
+    system = scene.system
     if not system.exchanges_power:
         return np.zeros(len(steps.t))
     mean, points = np.zeros(len(steps.t) - 1), len(steps.shares)
+    replaying = Replaying(scene.recordings, points, len(mean), system.n)
+    project = partial(system.project, through=replaying.through)
+
+    def solve(*given: Array) -> tuple[Array, Array]:
+        name = f"reactions of {len(given[0])} states"
+        found: tuple[Array, Array] = replaying.through(name, system.equations.solve, given)
+        return found
+
     for part in slices(len(mean), MAX_STATES // points):
         t, q, v = steps.inside(part, steps.shares)
-        q, v = system.project(t, q, v)
+        q, v = replaying.over(project, t, q, v)
         x, u = system.absolute(q), system.absolute_velocity(q, v)
         try:
-            mean[part] = system.power(t, x, u).reshape(-1, points) @ steps.weights
+            power = system.power(t, x, u, partial(replaying.over, solve))
+            mean[part] = power.reshape(-1, points) @ steps.weights
         except np.linalg.LinAlgError:
             return np.full(len(steps.t), np.nan)
     return np.concatenate([[0.0], np.cumsum(mean * np.diff(steps.t))])

@@ -154,7 +154,7 @@ class LegRecord:
 
     def __init__(self, scene: Scene, before: LegRecord | None, balanced: bool) -> None:
         self._balanced = balanced
-        self.scene, self.balance = scene, Balance(scene.system)
+        self.scene, self.balance = scene, Balance(scene)
         self._times = output_times(scene)
         self._begin: int = before._next if before else 0
         self._next: int = self._begin

@@ -7,7 +7,7 @@ coordinates x of all bodies (`hfsim.mechanics.reduction`), in which the mass mat
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -194,11 +194,16 @@ class System:
         """Return the energy of weight and springs [J], shape (n_batch,)."""
         return np.asarray(sum((f.potential_energy(t, x) for f in self.forces), np.zeros(len(x))))
 
-    def power(self, t: Array, x: Array, u: Array) -> Array:
-        """Return the power put in by loads, dampers and drivers [W], shape (n_batch,)."""
+    def power(
+        self, t: Array, x: Array, u: Array, solve: Callable[..., tuple[Array, Array]] | None = None
+    ) -> Array:
+        """Return the power put in by loads, dampers and drivers [W], shape (n_batch,).
+
+        What solves the equations of motion may be stated; see `Equations.solve`.
+        """
         power = np.asarray(sum((f.power(t, x, u) for f in self.forces), np.zeros(len(x))))
         if any(c.driven for c in self.constraints):
-            multipliers = self.equations.solve(t, x, u, self.force(t, x, u))[1]
+            multipliers = (solve or self.equations.solve)(t, x, u, self.force(t, x, u))[1]
             power += np.sum(multipliers * self.equations.phi.rate(t), axis=-1)
         return power
 

@@ -267,7 +267,7 @@ def trial(scene: Scene, job: LimitJob, step: float, budget: Budget) -> str:
 
 def _growth(scene: Scene, trajectory: Trajectory, step: float) -> str:
     """Return by how much too much the energy has grown in words; empty if it has not."""
-    drift = float(balance(scene.system, step_samples(trajectory))["energy_drift"])
+    drift = float(balance(scene, step_samples(trajectory))["energy_drift"])
     moving, stored = _energies(scene, 0.0, scene.q, scene.v)
     moving_end, stored_end = _energies(scene, STEPS * step, trajectory.q, trajectory.v)
     # a scene that falls gains what its weight gives

@@ -238,7 +238,7 @@ def _crushed(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
     k = int(below[0])
     name = list(limits)[int(np.argmin(stretches[:, k]))]
     until = Trajectory(path.t_start, float(ends.t[k]), ends.q[k], ends.v[k], path.segments[:k])
-    drift = balance(scene.system, step_samples(until))["energy_drift"]
+    drift = balance(scene, step_samples(until))["energy_drift"]
     if drift > GOOD_BALANCE:
         return None
     time, stretch = float(ends.t[k]), limits[name] * float(stretches[:, k].min())

@@ -131,7 +131,7 @@ class Experiments:
             return f"not finished, {reached:.4g} s was reached", False
         if tried.stop is not None:
             return f"fails at {reached:.4g} s", False
-        drift = balance(scene.system, step_samples(tried.trajectory))["energy_drift"]
+        drift = balance(scene, step_samples(tried.trajectory))["energy_drift"]
         good = bool(drift <= GOOD_BALANCE)
         verb = "passes" if good else "gets wrongly past"
         return f"{verb} {self.stop_time:.4g} s, energy drift {drift:.1e}", good

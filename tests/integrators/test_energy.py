@@ -54,7 +54,7 @@ def solved(deck, *overrides, model=None):
 
 def drift_of(scene, done):
     assert done.stop is None, str(done.stop)
-    return balance(scene.system, step_samples(done.trajectory))["energy_drift"]
+    return balance(scene, step_samples(done.trajectory))["energy_drift"]
 
 
 def energies(scene, done):

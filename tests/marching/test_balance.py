@@ -6,10 +6,15 @@ import pytest
 from hfsim.integrators import Segment, Trajectory
 from hfsim.marching.balance import balance, step_samples
 from hfsim.marching.integration import run_integration
+from hfsim.maths import kernel
+from hfsim.maths.traced import Refused
+from hfsim.mechanics.system import System
 from hfsim.scene.build import build
-from hfsim.scene.loading import parse_deck
+from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.shipped import find_deck
 from hfsim.simulate import simulate
+
+needs_kernel = pytest.mark.skipif(kernel.KERNEL == "numpy", reason="the kernel was not built")
 
 ROTOR = """
 hfsim: 1
@@ -34,7 +39,7 @@ def drift(deck, *overrides):
     scene = build(parse_deck(deck, "deck", overrides))
     done = run_integration(scene, scene.deck.solve)
     assert done.stop is None
-    return balance(scene.system, step_samples(done.trajectory))["energy_drift"]
+    return balance(scene, step_samples(done.trajectory))["energy_drift"]
 
 
 def test_a_swing_whose_steps_end_at_rest_has_the_energy_of_its_middle():
@@ -133,7 +138,7 @@ def test_a_motion_out_of_all_scale_is_a_drift_and_not_rounding(size):
     far = scene.q + size * (np.arange(len(scene.q)) == len(scene.q) - 3)
     segments = [Segment(0.1 * k, 0.1, scene.q, scene.v, np.zeros((1, len(far)))) for k in range(3)]
     with np.errstate(all="ignore"):
-        facts = balance(scene.system, step_samples(Trajectory(0.0, 0.3, far, scene.v, segments)))
+        facts = balance(scene, step_samples(Trajectory(0.0, 0.3, far, scene.v, segments)))
     assert facts["energy_drift"] == pytest.approx(1.0, abs=1e-6)
 
 
@@ -142,6 +147,44 @@ def test_drift_is_that_of_steps_and_not_of_how_their_inside_leaves_the_joints(me
     """Power of the drivers in states off the joints makes ten times as much of it, and more."""
     settings = (f"solve.method={method}", "solve.tolerance=1e-3", "solve.duration=0.1")
     assert drift(find_deck("joints").read_text(), *settings) < most
+
+
+@needs_kernel
+@pytest.mark.parametrize("name", ["joints", "governor", "blade", "door"])
+def test_states_inside_steps_are_looked_at_natively_as_in_numpy(name, monkeypatch):
+    scene = build(load_deck(find_deck(name), ["solve.duration=0.6"]))
+    steps = step_samples(run_integration(scene, scene.deck.solve).trajectory)
+    points = len(steps.shares)
+    kinds = [f"constraints of {points} states", f"projected rates of {points} states"]
+    kinds += [f"reactions of {points} states"] * any(row.driven for row in scene.system.constraints)
+    natively = balance(scene, steps)
+    assert all(scene.recordings.mine[kind].refused is None for kind in kinds)
+    monkeypatch.setattr(kernel, "KERNEL", "numpy")
+    found = balance(scene, steps)
+    size = max(abs(found[key]) for key in ("energy_initial", "energy_final", "work_done"))
+    assert found["work_done"] and natively == pytest.approx(found, abs=1e-9 * size)
+    assert natively["energy_drift"] == pytest.approx(found["energy_drift"], rel=1e-3, abs=1e-11)
+
+
+@needs_kernel
+def test_states_are_looked_at_at_once_where_nothing_can_be_recorded(monkeypatch):
+    """Of a first step it is seen that nothing can."""
+    sizes, project = [], System.project
+
+    def noted(system, t, *rest, **how):
+        sizes.append(len(t))
+        return project(system, t, *rest, **how)
+
+    def refused(*given):
+        raise Refused("anything")
+
+    scene = build(load_deck(find_deck("door"), ["solve.duration=0.2"]))
+    steps = step_samples(run_integration(scene, scene.deck.solve).trajectory)
+    monkeypatch.setattr(System, "project", noted)
+    monkeypatch.setattr("hfsim.maths.replayed.agree", refused)
+    balance(scene, steps)
+    points = len(steps.shares)
+    assert sizes[0] == points and len(sizes) > 1 and min(sizes[1:-1], default=sizes[-1]) > points
 
 
 def test_steps_that_feed_the_motion_end_it_as_a_fault_of_the_method():

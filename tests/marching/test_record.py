@@ -135,9 +135,9 @@ def test_states_of_rows_and_of_power_come_in_batches_however_many_they_are(monke
     def noting(name):
         whole = getattr(System, name)
 
-        def noted(system, t, *rest):
+        def noted(system, t, *rest, **how):
             sizes[name].append(len(t))
-            return whole(system, t, *rest)
+            return whole(system, t, *rest, **how)
 
         return noted
 

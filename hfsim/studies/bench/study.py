@@ -279,7 +279,7 @@ def _judged(point: Point, done: Integration, work: Work) -> Point:
         assert not isinstance(done.stop, KeyboardInterrupt)
         status = "limit" if done.stop.exit_code == 5 else "failed"
         return replace(point, status=status, reason=f"{done.stop} (t = {done.trajectory.t_end:.4g} s)")
-    drift = float(balance(work.scene.system, step_samples(done.trajectory))["energy_drift"])
+    drift = float(balance(work.scene, step_samples(done.trajectory))["energy_drift"])
     point = replace(point, status="done", energy_drift=drift)
     truth = work.truth
     if truth is None:

@@ -150,7 +150,7 @@ def solve_point(job: Job) -> Trial:
 def _tried(job: Job, scene: Scene, done: Integration, left: float) -> Trial:
     """Return what came of a run that reached its end."""
     samples, end = sample(scene, done.trajectory), done.trajectory.t_end
-    drift = float(balance(scene.system, step_samples(done.trajectory))["energy_drift"])
+    drift = float(balance(scene, step_samples(done.trajectory))["energy_drift"])
     channels = compute_channels(samples)
     if not (np.isfinite(drift) and all(np.isfinite(channel.values).all() for channel in channels)):
         return Trial("failed", "numerical", "the result is not finite", end)
