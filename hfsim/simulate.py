@@ -172,6 +172,7 @@ def _solved(legs: Sequence[Leg], record: Record, clock: PhaseClock, course: Cour
         t=record.table()[:, 0],
         channels=channels,
         statistics={**statistics, "plan": plan_of(scene), **times},
+        reached=float(done.trajectory.t_end),
         **_outcome(scene, done.stop),
     )
 

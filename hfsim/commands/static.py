@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from click.core import ParameterSource
 
 from hfsim.commands import STARTED, import_libraries, report_error, worst
 from hfsim.commands.decks import command_line, load_numbered
@@ -64,6 +65,11 @@ def static(
     """
     if to.output == Path("-") and (talk.as_json or vtk):
         raise click.UsageError("-o - writes the rows alone, without --json and --vtk")
+    given = click.get_current_context().get_parameter_source("count")
+    if given is not ParameterSource.DEFAULT and not buckling:
+        raise click.UsageError("--count goes with --buckling only")
+    if vary and not (path or buckling):
+        raise click.UsageError("--vary goes with --path and --buckling only")
     import_libraries()
     from hfsim.output.runfolder import Stopwatch
 

@@ -47,6 +47,7 @@ def work_out(source: DeckSource) -> None:
     for key, value in source.data.items():
         if key != "parameters":
             values.fill(source.data, (key,), value)
+    values.refuse_unused()
 
 
 @dataclass
@@ -57,11 +58,14 @@ class _Values:
     ----------
     bad : set of str
         Parameters without a value, which has been told.
+    used : set of str
+        Names in expressions.
     """
 
     source: DeckSource
     known: dict[str, float] = field(default_factory=dict)
     bad: set[str] = field(default_factory=set)
+    used: set[str] = field(default_factory=set)
 
     # Parameters ----------------------------------------------------------------------------------
 
@@ -127,6 +131,17 @@ class _Values:
         self.source.fail(path, self.source.problem(path, message, hint, on_key))
         self.bad.add(name)
 
+    def refuse_unused(self) -> None:
+        """Refuse what is set from outside and neither the deck declares nor any expression uses."""
+        stated = self.source.data.get("parameters")
+        stated = stated if isinstance(stated, dict) else {}
+        for name in stated:
+            path = ("parameters", name)
+            declared = path in self.source.key_marks or not self.source.is_overridden(path)
+            if not declared and name not in self.used | self.bad:
+                why = "no expression uses it, and the deck has no such parameter"
+                self._refuse(name, why, did_you_mean(name, [one for one in stated if one != name]))
+
     # Entries -------------------------------------------------------------------------------------
 
     def fill(self, holder: Any, path: Path, value: Any) -> None:
@@ -185,6 +200,7 @@ class _Values:
             Where a parameter has no value.
         """
         for name in names_in(tree):
+            self.used.add(name.head)
             if name.head in self.bad:
                 raise _UnknownError
             if name.head not in self.known and name.head not in others:

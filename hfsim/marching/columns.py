@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, KeysView, Mapping, Sequence
+from collections.abc import Iterable, Iterator, KeysView, Mapping, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -60,15 +60,17 @@ class Columns:
         return pandas.DataFrame(dict(self.columns))
 
 
-def as_columns(rows: Sequence[Mapping[str, object]]) -> dict[str, Array]:
+def as_columns(rows: Sequence[Mapping[str, object]], names: Iterable[str] = ()) -> dict[str, Array]:
     """Return rows of the same keys as columns: of numbers, None is NaN there, or of objects.
+
+    Where there are no rows, the columns are empty, and of these names.
 
     Examples
     --------
     >>> as_columns([{"method": "gauss", "error": 0.5}, {"method": "gear", "error": None}])
     {'method': array(['gauss', 'gear'], dtype=object), 'error': array([0.5, nan])}
     """
-    return {key: _column([row[key] for row in rows]) for key in (rows[0] if rows else ())}
+    return {key: _column([row[key] for row in rows]) for key in (rows[0] if rows else names)}
 
 
 def _column(values: Sequence[object]) -> Array:

@@ -112,6 +112,8 @@ class Run(Columns):
         JSON-ready facts about a failure (``time``, ``item``, ``kind``...), or None.
     exit_code : int
         Exit code this run alone would end the program with.
+    reached : float or None
+        When the last step that was kept ended [s]; None where none are made.
     """
 
     _called = "channel"
@@ -132,6 +134,7 @@ class Run(Columns):
     fine: Fine | None = None
     snapshots: tuple[Snapshot, ...] = ()
     states: Sequence[Samples] = ()
+    reached: float | None = None
 
     def __repr__(self) -> str:
         """Return what it is in a line: its arrays would fill the screen."""
@@ -199,8 +202,10 @@ class Run(Columns):
 
     @property
     def stop_time(self) -> float:
-        """When the computation stopped [s]: the time of the failure where one is known, else `end_time`."""
+        """When the computation stopped [s]: the time of the failure where one is known, else that reached."""
         time = (self.failure or {}).get("time")
+        if time is None and self.status != "done":
+            time = self.reached
         return float(time) if isinstance(time, (int, float)) else self.end_time
 
     def phase_cpu(self, phase: str) -> float:

@@ -22,8 +22,10 @@ from hfsim.output.arguments import (
     deck_text,
     destination,
     in_arguments,
+    integral,
     model_setting,
     no_deck,
+    real,
     settings,
     several,
 )
@@ -142,6 +144,7 @@ def run(
         If the folder must not or cannot be written to.
     """
     to = destination(output, force, plots)
+    real(after=after)
     if after is not None and not after >= 0.0:
         raise ArgumentError(f"after is {after}: estimates and diagnosis take no less than 0 s")
     loaded = _load(deck, [*settings(changes), *model_setting(model)])
@@ -292,6 +295,8 @@ def compare(
     from hfsim.studies import compare as study
     from hfsim.studies.farm import Here
 
+    real(max_error=max_error)
+    integral(repeats=repeats)
     if not 0.0 < max_error < math.inf:
         raise ArgumentError(f"max_error is {max_error}: a difference is held against a positive number")
     if repeats < 1:

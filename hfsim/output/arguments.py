@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -107,9 +108,27 @@ def one_of(argument: str, name: str, known: Sequence[str]) -> None:
 def positive(**given: float | None) -> None:
     """Refuse what is not a positive number; None stands for a default."""
     for argument, value in given.items():
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if value is not None and not (number and 0.0 < value < math.inf):
+        if value is not None and not (_is_number(value) and 0.0 < value < math.inf):
             raise ArgumentError(f"{argument}: {value} is no positive number")
+
+
+def real(**given: float | None) -> None:
+    """Refuse what is no number; None stands for a default."""
+    for argument, value in given.items():
+        if value is not None and not _is_number(value):
+            raise ArgumentError(f"{argument} is {_a(value)}: it is a number")
+
+
+def integral(**given: int | None) -> None:
+    """Refuse what is no whole number; None stands for a default."""
+    real(**given)
+    for argument, value in given.items():
+        if value is not None and value % 1:
+            raise ArgumentError(f"{argument} is {value}: it is a whole number")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def numbers(argument: str, values: Any, kind: type[float] = float) -> tuple[Any, ...]:
@@ -120,15 +139,31 @@ def numbers(argument: str, values: Any, kind: type[float] = float) -> tuple[Any,
     ArgumentError
         If one is not positive, or not whole where `kind` is int.
     """
-    values = values.tolist() if hasattr(values, "tolist") else values
-    many = isinstance(values, Iterable) and not isinstance(values, str)
-    every = tuple(dict.fromkeys(values if many else [values]))
+    every = tuple(dict.fromkeys(_each(values)))
     for one in every:
-        number = isinstance(one, int | float) and not isinstance(one, bool)
-        if not (number and 0.0 < one < math.inf and kind(one) == one):
+        if not (_is_number(one) and 0.0 < one < math.inf and kind(one) == one):
             what = "whole number above 0" if kind is int else "positive number"
             raise ArgumentError(f"{argument}: {one!r} is no {what}")
     return tuple(map(kind, every))
+
+
+def reals(argument: str, values: Any) -> tuple[float, ...]:
+    """Return numbers; a number alone is one of them.
+
+    Raises
+    ------
+    ArgumentError
+        If one is none.
+    """
+    for one in (every := _each(values)):
+        if not _is_number(one):
+            raise ArgumentError(f"{argument}: {one!r} is no number")
+    return tuple(map(float, every))
+
+
+def _each(values: Any) -> list[Any]:
+    values = values.tolist() if hasattr(values, "tolist") else values
+    return list(values) if isinstance(values, Iterable) and not isinstance(values, str) else [values]
 
 
 def values_text(argument: str, values: Any) -> str:

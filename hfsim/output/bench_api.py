@@ -14,6 +14,7 @@ from hfsim.output.arguments import (
     AnyDeck,
     destination,
     finished,
+    integral,
     numbers,
     positive,
     several,
@@ -96,10 +97,11 @@ def bench(
 
     start = time.process_time()
     positive(budget=budget)
+    _refuse_repeats(repeats)
     wanted = Sweep(
         several("methods", methods), several("models", models), numbers("tolerances", tolerances),
         numbers("steps", steps), numbers("elements", elements, int), numbers("degrees", degrees, int),
-        _repeats(repeats),
+        repeats,
     )  # fmt: skip
     to, where = destination(output, force, plots), workers(jobs, dask, dask_config)
     loaded = for_models(load(deck, changes), wanted.models)
@@ -155,8 +157,9 @@ def separation(
 
     start = time.process_time()
     positive(budget=budget)
+    _refuse_repeats(repeats)
     counts, batches = numbers("elements", elements, int), numbers("states", states, int)
-    kinds, times = known_kinds(several("element", element)), _repeats(repeats)
+    kinds, times = known_kinds(several("element", element)), repeats
     study = study_in("bench", destination(output, force, plots), "separation")
     if study is not None:
         study.begin()
@@ -169,7 +172,7 @@ def separation(
     return result
 
 
-def _repeats(repeats: int) -> int:
+def _refuse_repeats(repeats: int) -> None:
+    integral(repeats=repeats)
     if repeats < 1:
         raise ArgumentError(f"repeats is {repeats}: what is short is timed once at least")
-    return repeats

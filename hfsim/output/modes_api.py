@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from hfsim.marching.stop import Progress, nobody
 from hfsim.output.api import load
-from hfsim.output.arguments import AnyDeck
+from hfsim.output.arguments import AnyDeck, integral, real, reals
 
 if TYPE_CHECKING:
     from hfsim.studies.modes import Campbell, Modes
@@ -55,6 +55,8 @@ def modes(
     from hfsim.studies.modes import modes_of
     from hfsim.studies.modes.about import about as state_of
 
+    real(at=at)
+    integral(count=count)
     return modes_of(state_of(load(deck, changes).with_numbers(), about, at, progress), count)
 
 
@@ -84,11 +86,18 @@ def campbell(
     -------
     Campbell
         ``found.rates``, ``found.frequencies(1)`` [Hz] of a mode at all rates, ``found.crossings``.
+
+    Raises
+    ------
+    ArgumentError
+        If no mode or rate is wanted, or one is no number.
     """
     from hfsim.studies.modes import campbell as study
     from hfsim.studies.modes.about import about, seen_from
 
+    wanted = reals("rates", rates)
+    integral(count=count)
     start = about(load(deck, changes).with_numbers())
     if body is not None:
         start = seen_from(start, body)
-    return study(start, rates, count, progress or nobody)
+    return study(start, wanted, count, progress or nobody)

@@ -184,7 +184,7 @@ class RunLog:
             if summary[key] is not None:
                 self.add(f"{key}: {summary[key]}")
         reason = f": {summary['reason']}" if summary["reason"] else ""
-        self.add(f"{summary['status']} at t = {summary['end_time']:.9g} s{reason}")
+        self.add(f"{summary['status']} at t = {summary['stop_time']:.9g} s{reason}")
 
 
 def folder_name(deck_name: str, suffix: str) -> str:

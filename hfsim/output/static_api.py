@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from hfsim.errors import UnfinishedRunError
 from hfsim.output.api import folder_for, load
-from hfsim.output.arguments import AnyDeck, destination, in_arguments, several
+from hfsim.output.arguments import AnyDeck, destination, in_arguments, integral, real, several
 
 if TYPE_CHECKING:
     from hfsim.marching.solution import Run
@@ -65,6 +65,8 @@ def static(
     """
     from hfsim.studies.static import Wish, run_static
 
+    real(at=at)
+    integral(buckling=buckling)
     to = destination(output, force, plots)
     loaded = load(deck, changes).with_numbers()
     with in_arguments():

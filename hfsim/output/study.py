@@ -8,8 +8,8 @@ A command claims its folder before anything is computed and publishes what came 
 >>> rows = [{"method": "gauss", "cost": {"cpu": 0.5}, "fast": 2}]
 >>> facts = study.publish({"status": "done"}, {"race": (columns, rows)}, "one method")
 one method
->>> facts["files"]
-['race.csv', 'race.json']
+>>> facts["files"]  # in that folder
+[]
 """
 
 from __future__ import annotations
@@ -189,13 +189,14 @@ class Study:
         from hfsim.output.disk import disk, write_json, write_text
         from hfsim.output.writers import json_ready, table_text, versions
 
-        files = [*(f"{stem}.csv" for stem in tables), *also, f"{self.kind}.json"]
+        files = [*(f"{stem}.csv" for stem in tables), *also, f"{self.kind}.json"] if self.folder else []
+        told = {**facts, **self.about, "versions": versions(), "files": files}
         if self.folder is None:
-            return dict(json_ready({**facts, **self.about, "versions": versions(), "files": files})[0])
+            return dict(json_ready(told)[0])
         self.begin()
         with disk(self.path):
             for stem, (columns, rows) in tables.items():
                 write_text(self.path / f"{stem}.csv", table_text(rows, columns))
-            plain, _ = json_ready({**facts, **self.about, "versions": versions(), "files": files})
+            plain, _ = json_ready(told)
             write_json(self.path / f"{self.kind}.json", plain)
         return dict(plain)

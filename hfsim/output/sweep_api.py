@@ -15,6 +15,7 @@ from hfsim.output.arguments import (
     destination,
     finished,
     in_arguments,
+    integral,
     mapping,
     one_of,
     positive,
@@ -26,7 +27,7 @@ from hfsim.output.arguments import (
 from hfsim.output.sweep import KEPT, Rows, Wanted, into_folder, perform, wanted_of
 from hfsim.output.talk import Talk
 from hfsim.studies.sweep.asked import Asked
-from hfsim.studies.sweep.plan import SAMPLE, SAMPLER, TABLE, VARY
+from hfsim.studies.sweep.plan import SAMPLE, SAMPLER, SEED, TABLE, VARY
 from hfsim.studies.sweep.sensitivity import Sensitivity, sensitivities
 from hfsim.studies.sweep.study import COLLECT
 
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from hfsim.studies.cluster import Workers
     from hfsim.studies.sweep.result import Sweep
 
-_CALLED = {option: option.removeprefix("--") for option in (VARY, TABLE, SAMPLE, SAMPLER, COLLECT)}
+_CALLED = {option: option.removeprefix("--") for option in (VARY, TABLE, SAMPLE, SAMPLER, SEED, COLLECT)}
 """What options are called here."""
 
 
@@ -111,6 +112,7 @@ def sweep(
         ended.
     """
     said = mapping("vary", vary, '{"bodies.b1.length": [1.0, 1.2]}')
+    integral(sample=sample, seed=seed)
     asked = Asked(
         {path: values_text("vary", values) for path, values in said.items()}, sample, sampler, seed,
         None if table is None else Path(table), several("collect", collect), True, error_estimate, mesh_error,

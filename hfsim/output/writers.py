@@ -174,6 +174,7 @@ def summary_of(run: Run, provenance: Provenance, files: Sequence[str]) -> dict[s
         "model": run.model,
         "method": run.method,
         "end_time": run.end_time,
+        "stop_time": run.stop_time,
         "cpu_s": {},
         "wall_s": {},
         **dict.fromkeys(_SUMMARY_KEYS),

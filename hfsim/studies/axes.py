@@ -201,7 +201,7 @@ def _step(deck: Deck, step: float) -> Iterator[tuple[str, object]]:
 def _elements(deck: Deck, count: float) -> Iterator[tuple[str, object]]:
     for name, body in deck.bodies.items():
         if isinstance(body, BeamSpec):
-            yield f"bodies.{name}.elements", round(count)
+            yield f"bodies.{name}.elements", int(count) if float(count).is_integer() else count
 
 
 _CHANGES: dict[str, _Changes] = {

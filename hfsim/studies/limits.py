@@ -312,7 +312,7 @@ class Limits(Columns):
     @cached_property
     def columns(self) -> dict[str, Array]:  # type: ignore[override]
         """What is known of each method, and of each order of one, as columns."""
-        return as_columns([one.facts() for one in self.limits])
+        return as_columns([one.facts() for one in self.limits], (*Limit.__dataclass_fields__, "deviation"))
 
     def facts(self) -> dict[str, Any]:
         """Return it as plain data, times in seconds and steps in fastest periods."""

@@ -86,7 +86,7 @@ def run_static(loaded: LoadedDeck, wish: Wish | float = 0.0) -> Run:
     Raises
     ------
     ArgumentError
-        If the time or the number of factors is below zero.
+        If the time or the number of factors is below zero, or loads are varied for nothing.
     DeckError
         If the scene cannot be assembled.
     UnknownLoadError
@@ -97,6 +97,8 @@ def run_static(loaded: LoadedDeck, wish: Wish | float = 0.0) -> Run:
         raise ArgumentError(f"at {wish.t:g} s nothing acts: time begins at 0 s")
     if wish.buckling < 0:
         raise ArgumentError(f"buckling is {wish.buckling}: as many critical factors cannot be sought")
+    if wish.varied and not (wish.path or wish.buckling):
+        raise ArgumentError("vary goes with path and buckling only: else all loads are put on")
     clock = PhaseClock()
     with clock.phase("build"):
         scene = build(loaded)

@@ -273,5 +273,5 @@ def linearised(done: Integration, t: float) -> tuple[Array, Array]:
     return values, vectors
 
 
-HYPOTHESES = (_dead_centre, _bad_numbers, _wound_up, _truncated_model, _without_mass, _crushed, _method)
+HYPOTHESES = (_dead_centre, _bad_numbers, _truncated_model, _wound_up, _without_mass, _crushed, _method)
 """In the order in which they are tried; the first that holds is the cause."""

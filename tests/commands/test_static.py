@@ -34,6 +34,19 @@ def test_the_folder_is_that_of_a_run_with_one_row(here):
     assert not (folder / "plots" / "shapes.png").exists()
 
 
+@pytest.mark.parametrize(
+    ("option", "why"),
+    [
+        (("--vary", "gravity"), "--vary goes with --path and --buckling only"),
+        (("--count", "2"), "--count goes with --buckling only"),
+    ],
+)
+def test_an_option_that_would_do_nothing_is_refused(here, option, why):
+    refused = call("pendulum", *option)
+    assert refused.exit_code == 2 and why in refused.output
+    assert call("pendulum", "--no-plots", "--buckling", "--count", "1", "--vary", "gravity").exit_code != 2
+
+
 def test_a_run_and_an_equilibrium_of_one_deck_have_folders_of_their_own(here):
     run = ["run", "pendulum", "--no-plots", "--set", "solve.duration=0.01"]
     assert CliRunner().invoke(app, run).exit_code == 0

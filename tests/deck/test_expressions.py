@@ -273,6 +273,16 @@ def test_what_depends_on_a_parameter_follows_an_override():
     assert direct.deck.bodies["arm"].length == 4.0
 
 
+def test_a_parameter_that_is_set_and_nothing_uses_is_refused():
+    with pytest.raises(DeckError) as caught:
+        parse_deck(SWING, "swing.yaml", ["parameters.lenght=3"])
+    (problem,) = caught.value.problems
+    assert (problem.path, problem.hint) == ("parameters.lenght", "did you mean 'length'?")
+    assert "--set: error: parameters.lenght: no expression uses it" in str(caught.value)
+    used = parse_deck(SWING, "swing.yaml", ["parameters.own=3", "bodies.arm.length=${own}"])
+    assert used.deck.bodies["arm"].length == 3.0
+
+
 @pytest.mark.parametrize("override", ["parameters.n=${1 / 0}", "parameters.n=x", "bodies.arm.length=${m}"])
 def test_wrong_expressions_of_overrides_are_placed_at_set(override):
     with pytest.raises(DeckError) as caught:

@@ -152,6 +152,13 @@ def test_states_of_rows_and_of_power_come_in_batches_however_many_they_are(monke
     assert 0 < max(sizes["power"]) <= most
 
 
+def test_where_a_limit_stopped_the_steps_is_told_beside_the_last_row():
+    loaded = load_deck(CASES / "pendulum.yaml", ["solve.max_steps=3", "output.interval=0.5"])
+    done = run(loaded, None)
+    assert (done.status, done.end_time) == ("limit", 0.0)
+    assert done.stop_time == done.reached > 1e-3
+
+
 @pytest.mark.parametrize("interval, rows", [(0.3, [0.0, 0.3, 0.6, 0.9, 1.0]), (5.0, [0.0, 1.0])])
 def test_the_last_state_is_written(interval, rows):
     loaded = load_deck(CASES / "pendulum.yaml", [f"output.interval={interval}", "solve.tolerance=1e-4"])

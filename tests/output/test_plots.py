@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import warnings
 from dataclasses import replace
 from itertools import pairwise
 from unittest.mock import patch
@@ -14,6 +15,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.transforms import Bbox
 
 from hfsim.marching.solution import Channel
+from hfsim.output.plots.files import save
 from hfsim.output.plots.history import time_figures
 from hfsim.output.plots.ink import DPI, Ink, text_width
 from hfsim.output.plots.letters import plain
@@ -284,6 +286,12 @@ def test_shapes_do_not_pile_up():
     gaps = np.linalg.norm(inner[:, None] - inner, axis=-1)[np.triu_indices(len(inner), 1)]
     assert gaps.min() > 0.03 * 2.0
     assert apart(np.repeat(points[:1], 5, axis=0), 20).tolist() == [0, 4]
+
+
+def test_signs_that_the_font_lacks_are_drawn_without_a_word(run, tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert save(time_figures(replace(run, name="\N{CJK UNIFIED IDEOGRAPH-6F22}")), tmp_path)
 
 
 @pytest.mark.parametrize("size", [1, 60])

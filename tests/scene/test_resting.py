@@ -166,6 +166,21 @@ def test_a_rod_that_turns_steadily_is_stretched_and_stays_so(strain, model, exte
     assert swung(result) < 1e-9
 
 
+@pytest.mark.parametrize(
+    ("override", "path"),
+    [
+        ("initial.hub={angular_velocity: 3.0}", "initial.hub.angular_velocity"),
+        ("initial.b={velocity: [0.0, 1.0]}", "initial.b.velocity"),
+        ("initial.equilibrium=true", "initial.equilibrium"),
+    ],
+)
+def test_what_a_steady_rotation_decides_cannot_be_stated_beside_it(override, path):
+    with pytest.raises(DeckError) as caught:
+        parse_deck(SPIN, overrides=[override])
+    assert [one.path for one in caught.value.problems] == [path]
+    assert parse_deck(SPIN, overrides=["initial.hub={angle: 0.3}", "initial.equilibrium=false"])
+
+
 def test_a_blade_in_space_turns_steadily_about_its_hub_s_axis():
     text = SPIN.replace("[0.0, 0.0]", "[0.0, 0.0, 0.0]").replace("inertia: 1.0", "inertia: [1.0, 1.0, 1.0]")
     text = text.replace("strain: green, curvature: exact", "element: cosserat")

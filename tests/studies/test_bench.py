@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import time
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -336,6 +337,23 @@ def test_recommendations_say_what_errors_they_are_of():
 
 
 # --- the command ---------------------------------------------------------------------------------
+
+
+def test_a_picture_of_one_point_shows_it_and_the_mesh_error(tmp_path, monkeypatch):
+    """The library warned of axes without extent, and the mesh error lay outside."""
+    monkeypatch.chdir(tmp_path)
+    drawn = []
+    monkeypatch.setattr("hfsim.output.plots.bench.save", lambda figures, folder: drawn.append(figures) or [])
+    one = ("--tolerances", "1e-4", "--elements", "2,4", "--repeats", "1", "--set", "solve.duration=0.05")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert call("bench", "pendulum", "--methods", "gauss", *one).exit_code == 0
+        figure = drawn[0]["work_precision_exact_2"]
+        figure.canvas.draw()
+    (axes,) = figure.axes
+    (least, most), lines = axes.get_ylim(), [line.get_ydata() for line in axes.lines]
+    seen = np.concatenate([np.asarray(values) for values in lines if len(values)])
+    assert least < seen.min() and seen.max() < most and len({*seen}) == 2
 
 
 FEW = ("bench", "pendulum", "--set", "solve.duration=0.05", "--methods", "gauss", "--tolerances", "1e-3,1e-5")

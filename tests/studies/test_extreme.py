@@ -84,7 +84,9 @@ def test_the_command_tells_what_holds_and_what_does_not(tmp_path):
     write(folder, HOLDS.replace("value: 0.14183109", "value: 0.6"))
     result = call("extreme", "wheel", "--decks", folder, "--json")
     assert result.exit_code == 4
-    assert "expected 0.6 within" in json.loads(result.stdout)["cases"][0]["misses"][0]
+    told = json.loads(result.stdout)
+    assert "expected 0.6 within" in told["cases"][0]["misses"][0]
+    assert told["files"] == []  # nothing is written without -o
 
 
 @pytest.mark.parametrize(

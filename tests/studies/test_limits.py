@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from called import call
 
+import hfsim
 from hfsim.integrators import integrator
 from hfsim.marching.integration import run_integration
 from hfsim.mechanics.modes import LargeModes, modes_by_differences
@@ -192,6 +193,11 @@ def test_every_method_gets_its_share_of_the_budget():
     assert [one.method for one in found.limits] == ["gauss", "explicit", *5 * ["gear"], "generalized_alpha"]
     unfinished = [one for one in found.limits if "within" in one.reason]
     assert unfinished and all(one.longest or one in unfinished for one in found.limits)
+
+
+def test_columns_are_there_where_there_was_no_time_for_any_method():
+    (found,) = hfsim.limits("pendulum", methods=["explicit"], models=["exact"], budget=1e-3)
+    assert found.lost and len(found["longest"]) == len(found["deviation"]) == 0
 
 
 def test_limits_are_told_in_whole_words_and_plain_numbers(tmp_path):

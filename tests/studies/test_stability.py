@@ -185,6 +185,8 @@ def test_what_the_named_axes_change():
     assert section.height / section.width == pytest.approx(
         old.sections["strip"].height / old.sections["strip"].width
     )
+    with pytest.raises(DeckError, match=r"must be a whole number, not 2\.5"):
+        changed(NAMED["elements"]("2.5"), 2.5)
     _, new = changed(NAMED["elements"]("7"), 7.0)
     assert {new.bodies[b].elements for b in ("b1", "b2")} == {7}
     _, new = changed(vary("solve.rho_inf=0.5"), 0.5)

@@ -89,6 +89,15 @@ def line_of(text, word):
     return next(n for n, line in enumerate(text.splitlines(), start=1) if line.strip().startswith(word))
 
 
+FALLING_ROD = """hfsim: 1
+gravity: [0.0, -9.81]
+materials: {rubber: {density: 1000.0, youngs_modulus: 5 MPa, bending_damping: 0.01}}
+sections: {rod: {shape: circle, diameter: 2 cm}}
+bodies: {a: {type: beam, material: rubber, section: rod, length: 1.0, elements: 4, element: cosserat}}
+joints: {pin: {type: revolute, between: [ground, a.root]}}
+initial: {a: {angle: -0.3}}
+solve: {duration: 0.5, model: linear}
+"""
 BLADE = """hfsim: 1
 materials: {alu: {density: 1200, youngs_modulus: 2.8e9}}
 sections: {s: {shape: rectangle, width: 0.05, height: 0.02}}
@@ -285,6 +294,14 @@ def test_a_model_that_left_its_range_is_a_suspicion():
     assert (run.status, doubt["class"], doubt["item"]) == ("done", "model", "bodies.b1")
     assert doubt["time"] == run.statistics["validity"]["b1"]["left_at"]
     assert any("left the range of linear" in warning for warning in run.statistics["warnings"])
+
+
+def test_what_exact_gets_through_is_no_matter_of_the_mesh():
+    """A linear rod falls past the range of its model until an element turns by more than 120 deg."""
+    run = diagnosed(FALLING_ROD)
+    assert (run.failure["class"], run.failure["item"]) == ("model", "bodies.a")
+    assert "it goes away with the model exact" in run.reason
+    assert run.failure["try"].endswith("--set solve.model=exact")
 
 
 # physical --------------------------------------------------------------------------------------------

@@ -59,6 +59,7 @@ def _precision_figure(result: Bench, cell: Cell) -> Figure | None:
     if not points:
         return None
     figure, (axes,) = log_figure()
+    _set_limits(axes, points, cell.mesh_error or 0.0)
     front = pareto(points)
     axes.plot(
         *_costs(front), color="0.8", linewidth=9, solid_capstyle="round", solid_joinstyle="round", zorder=1,
@@ -98,6 +99,14 @@ def _label_levels(axes: Axes, front: Sequence[Point]) -> None:
             point.at, (point.cpu or 0.0, error), xytext=(-8, -3), textcoords="offset points",
             ha="right", va="top", fontsize=8, color="0.3",
         )  # fmt: skip
+
+
+def _set_limits(axes: Axes, points: Sequence[Point], mesh_error: float) -> None:
+    """Show all points, however few, and the mesh error."""
+    cpu = [one for p in points for one in (p.cpu, p.cpu_min, p.cpu_max) if one]
+    errors = [p.error for p in points if p.error]
+    axes.set_xlim(min(cpu) / 1.4, 1.4 * max(cpu))
+    axes.set_ylim(min(errors, default=1.0) / 3.0, 3.0 * max([mesh_error, *errors]) or 1.0)
 
 
 def _draw_floor(axes: Axes, cell: Cell, least: float) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,6 +20,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullForm
 
 from hfsim.output.plots import import_library
 from hfsim.output.plots.ink import DPI
+from hfsim.output.plots.letters import unwarned
 from hfsim.output.plots.png import write_png
 from hfsim.output.plots.scale import Scale
 from hfsim.output.plots.sheet import Sheet
@@ -121,15 +121,15 @@ def dress_counts(axes: Axes, counts: Sequence[int], x_label: str, y_label: str) 
 
 
 def decades(limits: tuple[float, float]) -> tuple[float, float]:
-    """Return the powers of ten around the limits of an axis.
+    """Return the powers of ten around the limits of an axis, a decade apart at least.
 
     Examples
     --------
     >>> decades((0.02, 3.0))
     (0.01, 10.0)
     """
-    low, high = np.log10(limits)
-    return float(10.0 ** np.floor(low)), float(10.0 ** np.ceil(high))
+    low, high = np.floor(np.log10(limits[0])), np.ceil(np.log10(limits[1]))
+    return float(10.0**low), float(10.0 ** max(high, low + 1.0))
 
 
 def finished(figure: Figure, title: str, rows: Sequence[Axes] = ()) -> Figure:
@@ -168,8 +168,7 @@ def as_they_are(figure: Figure) -> Iterator[None]:
     for text in _texts(figure):
         if "$" in text.get_text():
             text.set_parse_math(False)
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph")
+    with unwarned():
         yield
 
 

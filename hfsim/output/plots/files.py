@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +12,7 @@ from matplotlib.backends.backend_agg import RendererAgg
 from hfsim.marching.stop import Budget
 from hfsim.output.pictures import picture_format
 from hfsim.output.plots.ink import DPI
+from hfsim.output.plots.letters import unwarned
 from hfsim.output.plots.png import write_png
 from hfsim.output.plots.sheet import Sheet
 
@@ -55,7 +55,6 @@ def renderer_of(sheet: Sheet, dpi: float = DPI) -> Any:
     """Return a renderer of pixels, so many to the inch, on which a picture is drawn."""
     width, height = (round(dpi * one) for one in sheet.size)
     renderer: Any = _RENDERER(width, height, dpi)
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph")
+    with unwarned():
         sheet.draw(renderer)
     return renderer

@@ -5,6 +5,9 @@ For signs of ASCII and the minus sign, side by side as the font has them; others
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
@@ -36,6 +39,14 @@ class Letter(NamedTuple):
     advance: float
 
 
+@contextmanager
+def unwarned() -> Iterator[None]:
+    """Let the library be silent about signs that the font lacks: they are drawn as boxes."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph")
+        yield
+
+
 def plain(text: str) -> bool:
     """Return whether letters side by side are the text."""
     return text.replace(_MINUS, "-").isascii() and text.isprintable()
@@ -46,7 +57,8 @@ def width(text: str, size: float, dpi: float) -> float:
     """Return the width of a line in letters of a size [points], so many pixels to the inch [pixels]."""
     if plain(text):
         return sum(_letter(one, size, dpi).advance for one in text)
-    return float(_measure(dpi).get_text_width_height_descent(text, font(size), False)[0])
+    with unwarned():
+        return float(_measure(dpi).get_text_width_height_descent(text, font(size), False)[0])
 
 
 @lru_cache(maxsize=2048)

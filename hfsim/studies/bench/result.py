@@ -55,7 +55,7 @@ class Bench(Columns):
     @cached_property
     def columns(self) -> dict[str, Array]:  # type: ignore[override]
         """A row for each point, as columns: an array each by name."""
-        return as_columns([{name: getattr(p, name) for name in OF_POINT} for p in self.points])
+        return as_columns([{name: getattr(p, name) for name in OF_POINT} for p in self.points], OF_POINT)
 
     def points_of(self, cell: Cell) -> list[Point]:
         """Return the points of one cell."""

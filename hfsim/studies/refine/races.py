@@ -188,10 +188,12 @@ class Races:
         """How the method was chosen."""
         if self.stated != "auto":
             return f"{self.stated}, kept: the deck names it"
-        late = f"; not judged for lack of time: {', '.join(self.open)}" if self.open else ""
+        own = (self.search.current or self.search.levels[0]).method
+        others = ", ".join(name for name in self.open if name not in own.split(", "))
+        late = f"; not judged for lack of time: {others}" if others else ""
         if self.taken:
             return "; then ".join(self.taken) + late
-        default = f"{(self.search.current or self.search.levels[0]).method}, the default"
+        default = f"{own}, the default"
         if self.pair is None:
             return f"{default}: no error in time was measured to compare methods at"
         judged = dict.fromkeys(probe.method for probe in self.probes if probe.method not in self.open)

@@ -117,7 +117,7 @@ class SeparationBench(Columns):
     @cached_property
     def columns(self) -> dict[str, Array]:  # type: ignore[override]
         """A row for each form of each cell, as columns: an array each by name."""
-        return as_columns([{key: row.get(key) for key in CSV_COLUMNS} for row in as_rows(self)])
+        return as_columns([{key: row.get(key) for key in CSV_COLUMNS} for row in as_rows(self)], CSV_COLUMNS)
 
     @property
     def disagreements(self) -> list[str]:

@@ -71,7 +71,7 @@ class Asked:
         Raises
         ------
         ArgumentError
-            If a name is unknown, or a bisection has no axis.
+            If a name is unknown, a bisection has no axis, or an ending no bisection.
         """
         refuse_unknown("method", self.methods, [*METHODS, "auto"])
         refuse_unknown("model", self.models, MODELS)
@@ -84,6 +84,8 @@ class Asked:
 
     def _refuse_bisection(self) -> None:
         if self.bisect is None:
+            if self.ending != ENDINGS[0]:
+                raise ArgumentError("ending goes with bisect only")
             return
         if len(self.axes) != 1 or not self.axes[0].numeric or len(self.axes[0].values) < 2:
             raise ArgumentError("bisect needs one axis with two numbers or more")

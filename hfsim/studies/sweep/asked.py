@@ -12,6 +12,7 @@ from hfsim.studies.sweep.plan import (
     SAMPLE,
     SAMPLER,
     SAMPLERS,
+    SEED,
     TABLE,
     VARY,
     Plan,
@@ -70,32 +71,34 @@ class Asked:
 
     def completed(self, loaded: LoadedDeck) -> Asked:
         """Return the same with what the deck says where this says nothing."""
-        said = loaded.deck.sweep
-        if said is None:
-            seed = 1 if self.seed is None else self.seed
-            return replace(self, sampler=self.sampler or SAMPLERS[0], seed=seed)
-        found = self
-        if not self.vary and self.table is None:
-            beside = None if said.runs is None else Path(loaded.source.file).parent / said.runs
-            found = replace(found, vary=said.vary, table=beside, sample=self.sample or said.sample)
-        return replace(
-            found,
-            sampler=self.sampler or said.sampler,
-            seed=said.seed if self.seed is None else self.seed,
-            collect=self.collect or tuple(map(str, said.collect)),
-        )
+        said, found = loaded.deck.sweep, self
+        if said is not None:
+            if not self.vary and self.table is None:
+                beside = None if said.runs is None else Path(loaded.source.file).parent / said.runs
+                found = replace(found, vary=said.vary, table=beside, sample=self.sample or said.sample)
+            found = replace(found, collect=self.collect or tuple(map(str, said.collect)))
+        if found.sample is None:
+            return found
+        usual = (SAMPLERS[0], 1) if said is None else (said.sampler, said.seed)
+        seed = usual[1] if self.seed is None else self.seed
+        return replace(found, sampler=self.sampler or usual[0], seed=seed)
 
     def plan(self) -> Plan:
         """Return the runs, or raise `DeckError`."""
-        assert self.sampler is not None and self.seed is not None
+        for option, said in ((SAMPLER, self.sampler), (SEED, self.seed)):
+            if said is not None and self.sample is None:
+                raise refusal(option, "only samples have one, and nothing is sampled")
         if self.table is not None:
             if self.vary or self.sample is not None:
                 raise refusal(TABLE, "is all: nothing is varied or sampled beside it")
             plan = table(self.table)
         elif self.sample is not None:
+            assert self.sampler is not None and self.seed is not None
             if self.sampler not in SAMPLERS:
                 known = ", ".join(SAMPLERS)
                 raise refusal(SAMPLER, f"there is no sampler '{self.sampler}'; there are {known}")
+            if self.seed < 0:
+                raise refusal(SEED, f"must not be below 0, and is {self.seed}")
             plan = sample(self.vary, self.sample, self.sampler, self.seed)
         else:
             plan = grid(self.vary)

@@ -29,7 +29,7 @@ _INSIDE = 1e-12
 """Shares keep this distance from 0 and 1, where a distribution may have no value."""
 
 
-VARY, TABLE, SAMPLE, SAMPLER = "--vary", "--table", "--sample", "--sampler"
+VARY, TABLE, SAMPLE, SAMPLER, SEED = "--vary", "--table", "--sample", "--sampler", "--seed"
 """Options, as what is wrong with them is placed."""
 
 
