@@ -199,8 +199,9 @@ class _Values:
         _UnknownError
             Where a parameter has no value.
         """
-        for name in names_in(tree):
-            self.used.add(name.head)
+        names = list(names_in(tree))
+        self.used.update(name.head for name in names)
+        for name in names:
             if name.head in self.bad:
                 raise _UnknownError
             if name.head not in self.known and name.head not in others:

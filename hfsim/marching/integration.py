@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
+from weakref import ref
 
 import numpy as np
 
@@ -114,13 +115,14 @@ def _steps_of(
             others.append(lambda t, q, v: told(t))
         return _steps(scene, solve, start, others)
     if told is not None:
-        others.append(lambda t, q, v: told(together.t))
+        others.append(lambda t, q, v: told(whole().t))  # type: ignore[union-attr]
     together = Together(
         problem_of(scene),
         [Strand(_steps(part.scene, solve, None, others), part.columns, part.bodies) for part in scene.parts],
         (0.0, scene.q, scene.v),
         solve.duration,
     )
+    whole = ref(together)  # what it holds must not hold it: memory would wait for the collector
     return together
 
 

@@ -171,18 +171,22 @@ class Turns(AlongSteps):
             self.keep(t)
 
     def memory(self) -> Array:
-        """Return time, angle and rate of each angle at the last kept step, (n_angles, 3); (0, 3) before."""
+        """Return time, angle and rate of each angle at the last kept step, and as noted last, (n_angles, 6).
+
+        Before the first step (0, 6).
+        """
         return self.kept()()["now"]
 
     def kept(self) -> Callable[[], dict[str, Array]]:
         """Return what tells the memory of now, also when the motion has gone on."""
-        known = [count.now for _, count in self._parts if count.now is not None]
-        return lambda: {"now": np.array(known, dtype=float).reshape(-1, 3)}
+        known = [(*count.now, *count.noted[-1]) for _, count in self._parts if count.now is not None]
+        return lambda: {"now": np.array(known, dtype=float).reshape(-1, 6)}
 
     def recall(self, memory: Array) -> None:
         """Go on with a motion that was put down."""
         for (_, count), row in zip(self._parts, memory.tolist(), strict=False):
-            count.start(Turning(*row))
+            count.start(Turning(*row[3:]))
+            count.reach(Turning(*row[:3]))
 
     def counted(self, t: Array, q: Array) -> Array:
         """Return the angles in states (n_batch, n), with all their turns, shape (n_angles, n_batch)."""

@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from numbers import Real
+from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -123,7 +123,7 @@ def integral(**given: int | None) -> None:
     """Refuse what is no whole number; None stands for a default."""
     real(**given)
     for argument, value in given.items():
-        if value is not None and value % 1:
+        if value is not None and not isinstance(value, Integral):
             raise ArgumentError(f"{argument} is {value}: it is a whole number")
 
 
@@ -141,7 +141,7 @@ def numbers(argument: str, values: Any, kind: type[float] = float) -> tuple[Any,
     """
     every = tuple(dict.fromkeys(_each(values)))
     for one in every:
-        if not (_is_number(one) and 0.0 < one < math.inf and kind(one) == one):
+        if not (_is_number(one) and 0.0 < one < math.inf and (kind is float or kind(one) == one)):
             what = "whole number above 0" if kind is int else "positive number"
             raise ArgumentError(f"{argument}: {one!r} is no {what}")
     return tuple(map(kind, every))

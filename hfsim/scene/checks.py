@@ -168,7 +168,7 @@ def _initial_names(declared: Declared) -> Iterator[Complaint]:
             elif bodies and body not in bodies:
                 path = ("initial", name, "body")
                 yield Complaint(path, f"there is no body '{body}'", did_you_mean(body, bodies))
-            yield from _overruled(entries, bodies or ())
+            yield from _overruled(entries, str(body), bodies or ())
         elif bodies and name not in bodies and name != "ground":
             yield Complaint(("initial", name), f"there is no body '{name}'", did_you_mean(name, bodies), True)
         elif isinstance(entry, bool | list):
@@ -176,16 +176,15 @@ def _initial_names(declared: Declared) -> Iterator[Complaint]:
             yield Complaint(("initial", name), why, f"{AT_REST}: [{name}]?")
 
 
-def _overruled(entries: Any, bodies: Collection[str]) -> Iterator[Complaint]:
+def _overruled(entries: Any, body: str, bodies: Collection[str]) -> Iterator[Complaint]:
     """Yield what is stated of the start beside a steady rotation, which decides it."""
-    for name, entry in entries.items():
-        if name == AT_REST and name not in bodies and entry:
-            why = "a scene starts in steady rotation or from where it rests"
-            yield Complaint(("initial", name), why, f"leave out this or {STEADY}", True)
-        for rate in ("velocity", "angular_velocity"):
-            if name in bodies and isinstance(entry, dict) and entry.get(rate) is not None:
-                why = f"is that of the steady rotation: initial.{STEADY} says it"
-                yield Complaint(("initial", name, rate), why, "leave it out", True)
+    if entries.get(AT_REST) and AT_REST not in bodies:
+        why = "a scene starts in steady rotation or from where it rests"
+        yield Complaint(("initial", AT_REST), why, f"leave out this or {STEADY}", True)
+    own = entries.get(body)
+    if body in bodies and isinstance(own, dict) and own.get("angular_velocity") is not None:
+        why = f"is that of the steady rotation: initial.{STEADY} says it"
+        yield Complaint(("initial", body, "angular_velocity"), why, "leave it out", True)
 
 
 def _resting(entry: Any, bodies: Collection[str]) -> Iterator[Complaint]:

@@ -218,12 +218,14 @@ class _Motion:
         return np.asarray(self._own.phi.residual(np.zeros(1), self._own.reduction.expand(z))[0])
 
     def _closed(self, z: Array) -> Array:
-        """Return the nearest state in which independent rows hold."""
-        there = self._decomposed(z)
+        """Return the nearest state in which independent rows hold, as far as corrections lead there."""
+        there, before = self._decomposed(z), np.inf
         for _ in range(ITERATIONS):
             rest, _ = there.parted(self._gaps(z))
-            if np.abs(rest).max(initial=0.0) < 1e-3 * AGREE:
+            size = np.abs(rest).max(initial=0.0)
+            if size < 1e-3 * AGREE or not size < before:
                 break
+            before = size
             z = z - (rest / np.maximum(there.sizes, LOST)) @ there.right[: len(rest)]
         return z
 
@@ -272,7 +274,6 @@ class _Motion:
         parts = np.array([null[rows] for null in self.null])
         least = float(np.linalg.svd(parts, compute_uv=False)[:, -1].min())
         if least < TAKES_PART:
-            return -len(parts), least
             return -len(parts), least
         # from one step straight to the next something is zero where this has a negative eigenvalue
         ratios = np.linalg.eigvals(np.linalg.solve(parts[:-1], parts[1:] @ self._turns))

@@ -97,8 +97,8 @@ def _dead_centre(stop: SolverFailure, trial: Experiments) -> SolverFailure | Non
     first, last = (joint_dependence(scene, q) for q in (scene.q, end.q))
     if last.size > DEAD * first.size:
         return None
-    if left_out_counts(scene, end.q):
-        return _left_out(stop, trial, last.size)
+    if item := left_out_counts(scene, end.q):
+        return _left_out(stop, item, end.t_end, last.size)
     driven = {row.item for row in scene.system.constraints if row.driven}
     involved = [f"joints.{name}" for name in last.joints]
     drivers = [item for item in involved if item in driven]
@@ -111,9 +111,8 @@ def _dead_centre(stop: SolverFailure, trial: Experiments) -> SolverFailure | Non
     return replace(_classed(stop, "physical", item, evidence, trial.command_until_then()), reason=reason)
 
 
-def _left_out(stop: SolverFailure, trial: Experiments, size: float) -> SolverFailure:
+def _left_out(stop: SolverFailure, item: str, at: float, size: float) -> SolverFailure:
     """Equations of joints that others made superfluous near the start, and do not any more."""
-    item, at = trial.scene.system.redundant[0].item, trial.done.trajectory.t_end
     reason = f"at t = {at:.4g} s an equation of {item} counts that was left out: "
     reason += "the others depend on one another there"
     remedy = "free a motion of a joint of that loop: spherical or cylindrical for revolute"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -190,20 +190,23 @@ def joint_dependence(scene: Scene, q: Array) -> Dependence:
     return dependence(rows, equations.rows, scene.joints, ALIGNED)
 
 
-def left_out_counts(scene: Scene, q: Array) -> bool:
-    """Tell whether equations that are left out make up for others that are lost in a state (n,)."""
+def left_out_counts(scene: Scene, q: Array) -> str:
+    """Return what an equation left out is of that makes up for lost ones in a state (n,); '' if none does."""
     system = scene.system
     if not system.redundant:
-        return False
-    x = system.absolute(q[None])
-    rows = np.vstack([dense(one.phi.jacobian_at(x)) for one in system.monitored])
-    own, every = (_independent(some) for some in (rows[: system.unreduced.n_rows], rows))
-    return every > own
+        return ""
+    x, own = system.absolute(q[None]), system.unreduced
+    left_out = replace(own, all_constraints=system.redundant)
+    kept, others = (dense(one.phi.jacobian_at(x)) for one in (own, left_out))
+    known, found = _independent(kept), zip(left_out.constraints, left_out.rows, strict=True)
+    counting = (c.item for c, rows in found if _independent(np.vstack([kept, others[rows]])) > known)
+    return next(counting, "")
 
 
 def _independent(rows: Array) -> int:
     """Return how many rows of unit length are independent, and not all but dependent."""
-    sizes = np.linalg.svd(rows / np.linalg.norm(rows, axis=1, keepdims=True), compute_uv=False)
+    lengths = np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
+    sizes = np.linalg.svd(rows / lengths, compute_uv=False)
     return int(np.sum(sizes > DEAD * sizes[0]))
 
 

@@ -117,6 +117,19 @@ def test_a_run_that_is_put_down_again_and_again_gives_the_same_rows(deck, overri
     assert done.statistics["energy_drift"] == pytest.approx(reference.statistics["energy_drift"], rel=1e-6)
 
 
+def test_a_run_that_counts_turns_goes_on_to_the_last_bit(monkeypatch):
+    """Where steps made at once end depends on where angles were noted last."""
+    monkeypatch.setattr(hfsim.marching.record, "BLOCK", 0.002)
+    loaded = load_deck(CASES / "joints.yaml", ["solve.duration=4.0", "output.interval=0.02"])
+    whole, notes = Notes(), Notes(most=2)
+    reference = run(loaded, whole)
+    assert run(loaded, notes).status == "limit"
+    done = run(loaded, Notes(), notes.put_down())
+    assert done.table.tobytes() == reference.table.tobytes()
+    for key in ("energy_drift", "work_done"):
+        assert done.statistics[key] == reference.statistics[key]
+
+
 def test_rows_come_while_the_run_goes_on_and_do_not_depend_on_blocks(short_blocks, monkeypatch):
     loaded = load_deck(CASES / "pendulum.yaml")
     many, one = Notes(), Notes()

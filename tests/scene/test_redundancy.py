@@ -2,6 +2,7 @@
 """Spatial loops that are held too often: named, run with what is independent, and refused where joints disagree."""
 
 import re
+from contextlib import suppress
 from unittest import mock
 
 import mechanisms
@@ -63,6 +64,15 @@ def test_a_loop_in_another_place_moves_alike():
     )
     here, there = (np.array([channel.values for channel in one.channels[:3]]) for one in (run, other))
     assert there == pytest.approx(R @ here + shift[:, None], abs=1e-9)
+
+
+def test_kites_are_built_whatever_their_lengths():
+    """Where their motion turns back, corrections lead away from the joints."""
+    rng = np.random.default_rng(3)
+    for _ in range(40):
+        a, b = rng.uniform(0.2, 1.0, 2)
+        with np.errstate(all="raise"), suppress(DeckError):  # that they can go on in two ways is no fault
+            build(parse_deck(mechanisms.four_bar(3.0, rng.uniform(0.3, 2.5), (a, a, b, b))))
 
 
 def test_two_loops_leave_out_what_stays_superfluous_in_each():

@@ -104,9 +104,9 @@ def _label_levels(axes: Axes, front: Sequence[Point]) -> None:
 def _set_limits(axes: Axes, points: Sequence[Point], mesh_error: float) -> None:
     """Show all points, however few, and the mesh error."""
     cpu = [one for p in points for one in (p.cpu, p.cpu_min, p.cpu_max) if one]
-    errors = [p.error for p in points if p.error]
+    errors = [error for error in (mesh_error, *(p.error for p in points)) if error] or [1.0]
     axes.set_xlim(min(cpu) / 1.4, 1.4 * max(cpu))
-    axes.set_ylim(min(errors, default=1.0) / 3.0, 3.0 * max([mesh_error, *errors]) or 1.0)
+    axes.set_ylim(min(errors) / 3.0, 3.0 * max(errors))
 
 
 def _draw_floor(axes: Axes, cell: Cell, least: float) -> None:

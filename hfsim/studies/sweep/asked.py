@@ -108,7 +108,8 @@ class Asked:
 
     def refuse_runs(self) -> None:
         """Refuse runs where derivatives are asked for, which have their own; raise `DeckError`."""
-        for option, said in ((TABLE, self.table), (SAMPLE, self.sample)):
+        runs = {TABLE: self.table, SAMPLE: self.sample, SAMPLER: self.sampler, SEED: self.seed}
+        for option, said in runs.items():
             if said is not None:
                 raise refusal(option, "derivatives have runs of their own")
         if not self.vary:
