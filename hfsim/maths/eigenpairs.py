@@ -23,6 +23,10 @@ _TOGETHER = 1e-5
 _SLIGHT = 1e-4
 """Real part, over the size of an eigenvalue, below which it is asked whether it is rounding."""
 
+_NEAR, _ASIDE, _TRIES = 1e-2, 1.3, 5
+"""Distance of an eigenvalue from the shift, over this, at which the others are lost in rounding; factor on
+the shift then, and how often."""
+
 
 @frozen
 class Eigenpairs:
@@ -114,6 +118,11 @@ def _of_rates(pencil: Pencil, count: int) -> Eigenpairs:
     # without any stiffness gyroscopic terms alone say how fast motions are
     shift = float(np.sqrt(sizes[min(2, len(sizes) - 1)])) if len(sizes) else pencil.whirling
     values, vectors = _roots(pencil, shift, count)
+    for _ in range(_TRIES):
+        if np.abs(values - shift).min(initial=np.inf) >= _NEAR * shift:
+            break
+        shift *= _ASIDE  # something grows at just that rate
+        values, vectors = _roots(pencil, shift, count)
     complete: bool | None = True
     if pencil.large and len(values) < 2 * pencil.free:
         again, _ = _roots(pencil, shift, count, seed=2)

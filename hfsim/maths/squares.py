@@ -26,6 +26,8 @@ _FITTING = (1e-6, 1e2)
 """Sizes of a shift, over the square of the slowest frequency, that are left as they are."""
 _DOUBTFUL = 30.0
 """Factor on what rounding does to a square of a frequency below which that counts as zero."""
+_FLUTTER = 1e-6
+"""Imaginary part of a square, over its size, beyond which it is no rounding."""
 MORE = 8
 """Motions that are looked for beyond those asked for."""
 _TRIES = 4
@@ -38,7 +40,9 @@ _TIGHT, _ROUNDS = 1e-12, 30
 def slowest_squares(pencil: Pencil, count: int) -> tuple[Array, Array]:
     """Return minus the squares of the slowest eigenvalues without velocities, and motions (n, k) as columns.
 
-    They ascend; those that are no more than rounding are zero.  Of a small pencil they are all.
+    They ascend; those that are no more than rounding are zero.  Of a small pencil they are all.  Complex ones
+    are of motions that swing and grow, as with loads that turn with their bodies: minus the square of the
+    growth stands for these.
 
     Parameters
     ----------
@@ -53,8 +57,10 @@ def slowest_squares(pencil: Pencil, count: int) -> tuple[Array, Array]:
     if not pencil.free:
         return np.zeros(0), np.zeros((pencil.n, 0))
     squares, vectors, _, shift = squares_of(pencil, count)
-    zero = no_more(np.abs(squares), noise_of(pencil, squares, vectors, shift))
-    values = np.where(zero, 0.0, squares.real)
+    noise = noise_of(pencil, squares, vectors, shift)
+    zero = no_more(np.abs(squares), noise)
+    growing = np.abs(squares.imag) > np.maximum(_FLUTTER * np.abs(squares), _DOUBTFUL * noise)
+    values = np.where(growing, -(np.sqrt(squares).imag ** 2), np.where(zero, 0.0, squares.real))
     order = np.argsort(values)
     return values[order], vectors.real[:, order]
 

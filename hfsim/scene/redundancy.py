@@ -181,7 +181,7 @@ class _Motion:
         first, z = None, reduction.free(x[None])
         here = self._decomposed(z)
         for _ in range(int(np.clip(EFFORT / (self._own.n_rows * self._own.n), 4, MOST_STEPS))):
-            if here.sizes[-1] <= LOST**0.5 * here.sizes[0]:
+            if self.null and here.sizes[-1] <= LOST**0.5 * here.sizes[0]:
                 break
             self.null.append(here.null)
             free = here.right[len(here.sizes) :]

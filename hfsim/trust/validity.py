@@ -346,10 +346,11 @@ def _end(scene: Scene, point: str) -> str:
         if point.endswith(".tip") and not any(marker.grounded for marker in others):
             continue
         held = "pinned" if held == "free" else held
-        turning = _turning(scene, body, point, x)
-        for row in (scene.system.constraints[k] for k in scene.joints[name]):
+        turning, left_out = _turning(scene, body, point, x), scene.system.redundant
+        kept = (scene.system.constraints[k] for k in scene.joints[name])
+        for row in (*kept, *(one for one in left_out if one.item == f"joints.{name}")):
             for marker, J in zip(row.ends, row.jacobians(x), strict=True):
-                if marker.columns == body.columns and np.abs(J[0] @ turning.T).max() > BLOCKED:
+                if marker.columns == body.columns and np.abs(J[0] @ turning.T).max(initial=0.0) > BLOCKED:
                     held = "clamped"
     return held
 

@@ -547,6 +547,28 @@ def test_bricard_s_loop_rests_flat():
     assert not any("rank" in one for one in run.statistics["warnings"])
 
 
+BECK = """hfsim: 1
+gravity: [0, 0, 0]
+sections:
+  s: {mass_per_length: 1.0, rotary_inertia: [2.0e-4, 1.0e-4, 1.0e-4], axial_stiffness: 1.0e8,
+      shear_stiffness: [1.0e8, 1.0e8], torsion_stiffness: 3.0, bending_stiffness: [10.0, 1000.0]}
+bodies: {b: {type: beam, section: s, length: 1.0, elements: 6, degree: 3}}
+joints: {c: {type: fixed, between: [ground, b.root]}}
+loads: {f: {type: force, at: b.tip, force: [-300.0, 0, 0], follower: true}}
+solve: {duration: 1.0}
+"""
+
+
+def test_what_flutters_under_a_follower_load_is_not_stable():
+    """Beck's column: 20.05 EI / L^2; it swings and grows, at the rate of its modes."""
+    run = hfsim.static(parse_deck(BECK))
+    assert not run.statistics["stable"]
+    assert run.statistics["unstable_from"] == pytest.approx(20.05 / 30.0, rel=0.01)
+    growth = max(one.value.real for one in hfsim.modes(parse_deck(BECK), about="equilibrium").modes)
+    assert np.sqrt(-run.statistics["smallest_eigenvalue"]) == pytest.approx(growth, rel=1e-5)
+    assert hfsim.static(parse_deck(BECK), {"loads.f.force.0": -198.0}).statistics["stable"]
+
+
 def test_of_a_joint_only_the_motions_that_nothing_resists_are_told():
     """A load that hangs from a ball joint: weight resists two turns, not that about the vertical."""
     run = hfsim.static(

@@ -8,6 +8,7 @@ from unittest import mock
 import mechanisms
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from hfsim.errors import DeckError, SolverFailure
 from hfsim.marching.plan import plan_of
@@ -73,6 +74,36 @@ def test_kites_are_built_whatever_their_lengths():
         a, b = rng.uniform(0.2, 1.0, 2)
         with np.errstate(all="raise"), suppress(DeckError):  # that they can go on in two ways is no fault
             build(parse_deck(mechanisms.four_bar(3.0, rng.uniform(0.3, 2.5), (a, a, b, b))))
+
+
+FLAT = """hfsim: 1
+gravity: [0, -9.81, 0]
+ground: {points: {d: [1.0, 0, 0]}}
+bodies:
+  crank: {type: rigid, mass: 1.0, inertia: [0.02, 0.02, 0.02], points: {a: [-0.15, 0, 0], b: [0.15, 0, 0]}}
+  rod: {type: rigid, mass: 2.0, inertia: [0.2, 0.2, 0.2], points: {a: [-0.5, 0, 0], b: [0.5, 0, 0]}}
+  rocker: {type: rigid, mass: 1.0, inertia: [0.02, 0.02, 0.02], points: {a: [-0.15, 0, 0], b: [0.15, 0, 0]}}
+joints:
+  A: {type: revolute, between: [ground, crank.a]}
+  B: {type: revolute, between: [crank.b, rod.a]}
+  C: {type: revolute, between: [rod.b, rocker.b]}
+  D: {type: revolute, between: [ground.d, rocker.a]}
+initial: {crank: {angle: ANGLE, angular_velocity: 5.0}, rod: {angle: 0.0}, rocker: {angle: ANGLE}}
+solve: {duration: 1.0}
+output: {channels: [crank.rotation_z]}
+"""
+
+
+@pytest.mark.parametrize("angle", ["1.0e-4", "1.0e-7"])
+def test_a_parallelogram_that_starts_next_to_its_dead_centre_runs(angle):
+    run = simulate(parse_deck(FLAT.replace("ANGLE", angle)), error_estimate=False)
+    # both links and the rod, which does not turn: energy of a pendulum
+    inertia, weight = 2.0 * (0.02 + 0.15**2) + 2.0 * 0.3**2, 9.81 * (2.0 * 0.15 + 2.0 * 0.3)
+    found = solve_ivp(
+        lambda t, y: [y[1], -weight * np.cos(y[0]) / inertia], (0.0, 1.0), [float(angle), 5.0], rtol=1e-10
+    )
+    apart = np.angle(np.exp(1j * (run.final["crank.rotation_z"] - found.y[0, -1])))
+    assert (run.status, apart) == ("done", pytest.approx(0.0, abs=2e-5))
 
 
 def test_two_loops_leave_out_what_stays_superfluous_in_each():

@@ -280,6 +280,51 @@ def test_becks_column_flutters_beyond_its_critical_load(damping, load, unstable)
     assert [mode.kind for mode in found.unstable] == (["flutter"] if unstable else [])
 
 
+BESIDE = """hfsim: 1
+gravity: [0, -9.81]
+ground: {points: {p: [3, 0], q: [2, 0]}}
+bodies:
+  a: {type: rigid, mass: 1.0, inertia: 0.1, points: {r: [-0.5, 0]}}
+  b: {type: rigid, mass: 1.0, inertia: 0.1}
+joints:
+  h: {type: revolute, between: [ground, a.r]}
+  s: {type: prismatic, between: [ground.p, b], axis: [1, 0], damping: 0.1}
+springs: {k: {type: two_point, between: [ground.q, b], stiffness: 4.0, rest_length: 1.0}}
+initial: {a: {angle: 90 deg}, b: {position: [3, 0]}}
+solve: {duration: 1.0}
+"""
+
+
+def test_what_grows_at_the_rate_of_the_shift_hides_nothing_else():
+    """A pendulum that stands on its head beside a damped mass: the shift was the very rate of its fall."""
+    rate = np.sqrt(0.5 * 9.81 / (0.1 + 0.25))
+    found = hfsim.modes(parse_deck(BESIDE))
+    values = sorted((one.value for one in found.modes), key=lambda one: one.real)
+    assert values == pytest.approx([-rate, -0.05 + 1j * np.sqrt(4.0 - 0.05**2), rate], rel=1e-6)
+
+
+SWUNG_OUT = """hfsim: 1
+gravity: [0, 0, -9.81]
+bodies:
+  hub: {type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1], points: {r: [0.2, 0, 0]}}
+  arm: {type: rigid, mass: 2.0, inertia: [0.03, 0.035, 0.01], points: {a: [0, 0, 0.6]}}
+joints:
+  b: {type: revolute, between: [ground, hub]}
+  h: {type: revolute, between: [hub.r, arm.a], axis: [0, 1, 0]}
+  dr: {type: driver, between: [ground, hub], angle: {type: constant_rate, rate: 5.0}}
+initial:
+  steady: {body: hub, rate: 5.0}
+  arm: {orientation: {axis: [0, 1, 0], angle: -0.5}}
+solve: {duration: 3.0}
+"""
+
+
+def test_the_only_mode_of_a_scene_is_followed_however_far_it_swings_out():
+    """Frequencies by the effective potential of an arm on a hub."""
+    found = hfsim.campbell(parse_deck(SWUNG_OUT), [2.0, 5.0, 10.0])
+    assert found.frequencies(1) == pytest.approx([0.546929, 0.844721, 1.80501], rel=1e-5)
+
+
 def test_a_damper_damps_as_its_ratio_says():
     deck = """hfsim: 1
 gravity: [0.0, 0.0]

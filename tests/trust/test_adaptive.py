@@ -185,3 +185,29 @@ def test_an_estimate_far_beyond_its_range_is_told_as_such():
     deck = parse_deck(GROWING.replace("7.0e10", "7.0e2").replace("0.6, tol", "0.02, tol"))
     (first,) = simulate(deck, error_estimate=False).statistics["auto"]["switches"]
     assert "estimated error more than 100 % of" in first["reason"] and "e+" not in first["reason"]
+
+
+SHAFT = """hfsim: 1
+gravity: [0, -9.81, 0]
+ground: {points: {r: [1.0, 0, 0]}}
+materials: {m: {density: 2700.0, youngs_modulus: 7.0e10, poisson_ratio: 0.3}}
+sections: {s: {shape: circle, radius: 0.01}}
+bodies:
+  sh: {type: beam, material: m, section: s, length: 1.0, elements: 2, degree: 3, points: {p: [0.5, 0, 0]}}
+  disc: {type: rigid, mass: 1.0, inertia: [0.02, 0.01, 0.01]}
+joints:
+  h1: {type: revolute, between: [ground, sh.root], axis: [1, 0, 0]}
+  h2: {type: revolute, between: [ground.r, sh.tip], axis: [1, 0, 0]}
+  f: {type: fixed, between: [sh.p, disc]}
+loads: {t: {type: moment, at: disc, moment: [0.3, 0, 0]}}
+solve: {duration: 0.5, model: auto}
+output: {channels: [disc.angular_velocity_x]}
+"""
+
+
+def test_joints_of_which_equations_are_left_out_hold_as_the_whole_ones():
+    """A shaft on two hinges, of one of which nothing is left while it is rigid."""
+    inertia = 0.02 + 2700.0 * np.pi * 0.01**4 / 2.0
+    run = simulate(parse_deck(SHAFT), error_estimate=False)
+    expected = pytest.approx(0.15 / inertia, rel=1e-3)
+    assert (run.status, run.final["disc.angular_velocity_x"]) == ("done", expected)

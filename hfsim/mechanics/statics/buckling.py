@@ -32,12 +32,16 @@ STEP = 1e-3
 """Of differences of the stiffness by the load, relative to the factor."""
 SAME = 1e-10
 """Change of a factor, relative to it, after which it is found."""
+AGAIN = 1e-8
+"""Distance of a factor, relative to it, from an earlier estimate after which it is found too."""
 SPARE = 4
 """Further factors that are looked at where some are none."""
 MOST = 12
 """Improvements of a factor."""
 REACHED = 1e-4
 """Last of these changes, relative to the factor, up to which only rounding of the stiffness is in it."""
+AHEAD = 1e-2
+"""The same, beyond which a factor runs ahead of any load, and the distance at which it is looked for else."""
 REAL = 1e-6
 """Imaginary part of an eigenvalue, relative to its size, up to which it is real."""
 ROUNDING = 1e-15
@@ -111,7 +115,7 @@ def _improved(problem: Problem, state: State, load: float, motion: Array, effort
     The straight line K + nu K' has zeros where K itself has none, as of what bends from the start.
     """
     found = Factor(load, False, motion)
-    at = 0.0
+    at, before = 0.0, [load]
     for _ in range(MOST):
         try:
             near = balanced(problem, state, Level(load), effort)
@@ -129,10 +133,25 @@ def _improved(problem: Problem, state: State, load: float, motion: Array, effort
         state, at, load = near, load, load + more
         if load <= 0.0:
             return None
-        found = Factor(load, abs(more) <= SAME * abs(at) or abs(more) <= 1e-14, motion)
+        # at the factor itself all is rounding: from next to it the same is found again
+        again = any(abs(load - one) <= AGAIN * abs(load) for one in before[:-1])
+        found = Factor(load, again or abs(more) <= SAME * abs(at) or abs(more) <= 1e-14, motion)
         if found.found:
             return found
-    return found._replace(found=True) if abs(load - at) <= REACHED * abs(load) else None
+        before.append(load)
+    if abs(load - at) <= REACHED * abs(load):
+        return found._replace(found=True)
+    return _between(problem, state, load, effort) if abs(load - at) <= AHEAD * abs(load) else None
+
+
+def _between(problem: Problem, state: State, load: float, effort: Effort) -> Factor | None:
+    """Return the factor near a load about which estimates go to and fro; None if there is none."""
+    ends = (1.0 - AHEAD) * load, (1.0 + AHEAD) * load
+    try:
+        numbers = [_unstable(problem, balanced(problem, state, Level(end), effort), end) for end in ends]
+        return _located(problem, state, ends, numbers[0], effort) if numbers[0] < numbers[1] else None
+    except (NotFoundError, np.linalg.LinAlgError):
+        return None
 
 
 def _crossed(problem: Problem, state: State, effort: Effort, count: int) -> Iterator[Factor]:

@@ -174,14 +174,15 @@ def _followed(founds: Sequence[Modes], count: int) -> tuple[Any, Any]:
 
     tracks: list[list[Mode | None]] = [[mode] for mode in founds[0].modes[:count] if mode.kind != "decay"]
     senses = [[1] for _ in tracks]
-    last = [track[0] for track in tracks]
+    last, every = [track[0] for track in tracks], all(len(one.modes) < count + _SPARE for one in founds)
     for found in founds[1:]:
         here = [mode for mode in found.modes if mode.kind != "decay"]
         unlike, turned = _unlike(found, [mode for mode in last if mode is not None], here)
         chosen = dict(zip(*(one.tolist() for one in linear_sum_assignment(unlike)), strict=True))
         for k, track in enumerate(tracks):
             j = chosen.get(k)
-            same = j is not None and unlike[k, j] < 1.0 - _ALIKE
+            # where all that a scene has is known, before and after, nothing can have come or gone
+            same = j is not None and (unlike[k, j] < 1.0 - _ALIKE or (every and len(here) == len(last)))
             track.append(here[j] if j is not None and same else None)
             senses[k].append(senses[k][-1] * (-1 if j is not None and same and turned[k, j] else 1))
             last[k] = track[-1] or last[k]
