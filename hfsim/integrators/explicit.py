@@ -22,6 +22,8 @@ GROWTH = 4.0
 REGROWTH = 1.005
 """How much longer a step may be than the last limit, which was set by one too long, to the power of the
 number of steps since."""
+MOST_SERVED = 100_000
+"""Steps from which such a limit is none any more, and powers of numbers end."""
 STEPS = "explicit steps"
 """By what they are told from others where functions are chosen that are replayed."""
 
@@ -109,7 +111,7 @@ class ExplicitStepper(Stepper):
         """Take note of the accelerations at the end, if they are known."""
         self._problem.counts.native += self._made_natively
         self._known, self._served = self._last, self._served + 1
-        self._cap *= REGROWTH**self._served
+        self._cap *= REGROWTH ** min(self._served, MOST_SERVED)
 
     def cross(self) -> None:
         """Find the accelerations behind a break anew: they may have jumped."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,12 +10,17 @@ import numpy as np
 from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.body import Body
+from hfsim.mechanics.directions import THIRD
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.system import System
+from hfsim.mechanics.turns import NEAR
 from hfsim.scene.facing import Facings
 from hfsim.scene.rules import LeftOut
 from hfsim.scene.schema import Deck
+
+ALONG = 1e-9
+"""How far an axis may be from the third one, over its length, about which bodies state their angle."""
 
 
 def acting(
@@ -39,15 +44,40 @@ def acting(
     """
     gone = {*left_out["springs"], *left_out["loads"]}
     found = []
-    for item, ends, part in (*_ties(deck, marker, x), *_loads(deck, bodies, marker)):
+    for item, ends, axis, part in (*_ties(deck, marker, x), *_loads(deck, bodies, marker)):
         if part.counter is not None and deck.dimension == 2:
             a, b = (angles.get(split_point(point)[0], 0.0) for point in ends)
             part.counter.suppose(0.0, b - a)
         elif part.counter is not None:
-            part.counter.suppose(0.0, float(part.angle(x[None])[0]))
+            part.counter.suppose(0.0, _with_turns(deck, ends, axis, float(part.angle(x[None])[0])))
         if item not in gone:
             found.append(replace(part, item=item))
     return found
+
+
+def _with_turns(deck: Deck, ends: Sequence[str], axis: Sequence[float] | None, angle: float) -> float:
+    """Return an angle in space with the turns that the deck states: by a driver, or of bodies about z."""
+    from hfsim.parts.joints.driver import DriverSpec
+
+    own = tuple(axis or THIRD)
+    for joint in (one for one in deck.joints.values() if isinstance(one, DriverSpec)):
+        if joint.angle is not None and joint.between == ends and (joint.axis or THIRD) == own:
+            return _near(angle, float(joint.angle.build().value(np.zeros(1))[0]))
+    first, second = (_about_z(deck, split_point(point)[0]) for point in ends)
+    if first is None or second is None or abs(own[2]) < (1.0 - ALONG) * np.linalg.norm(own):
+        return angle
+    return _near(angle, float(np.sign(own[2])) * (second - first))
+
+
+def _about_z(deck: Deck, body: str) -> float | None:
+    """Return the angle of a body as it is stated, if it is."""
+    return 0.0 if body == "ground" else getattr(deck.motions.get(body), "angle", None)
+
+
+def _near(angle: float, stated: float) -> float:
+    """Return an angle with the turns that put it next to one that is stated, if it is the same."""
+    turned = angle + 2.0 * np.pi * round((stated - angle) / (2.0 * np.pi))
+    return turned if abs(turned - stated) < NEAR else angle
 
 
 def beyond_stops(system: System, x: Array) -> Iterator[tuple[str, str]]:
@@ -64,11 +94,12 @@ def beyond_stops(system: System, x: Array) -> Iterator[tuple[str, str]]:
 
 def _ties(
     deck: Deck, marker: Callable[[str], Marker], x: Array
-) -> Iterator[tuple[str, tuple[str, ...], ForcePart]]:
-    """Yield, with its item and points, what acts between two bodies."""
+) -> Iterator[tuple[str, tuple[str, ...], Sequence[float] | None, ForcePart]]:
+    """Yield, with its item, points and axis, what acts between two bodies."""
     for name, spring in deck.springs.items():
         first, second = map(marker, spring.between)
-        yield f"springs.{name}", spring.between, spring.build(first, second, x)
+        axis = getattr(spring, "axis", None)
+        yield f"springs.{name}", spring.between, axis, spring.build(first, second, x)
     facings = Facings(deck)
     for name, joint in deck.joints.items():
         for key, held, resistances in joint.resisted(*facings.of(joint)):
@@ -76,13 +107,14 @@ def _ties(
             from hfsim.mechanics.ties import tie_on
 
             first, second = map(marker, joint.between)
-            yield item, joint.between, tie_on(held, first, second, resistances)
+            axis = getattr(joint, "axis", None)
+            yield item, joint.between, axis, tie_on(held, first, second, resistances)
 
 
 def _loads(
     deck: Deck, bodies: Mapping[str, Body], marker: Callable[[str], Marker]
-) -> Iterator[tuple[str, tuple[str, ...], ForcePart]]:
-    """Yield, with its item and body, what acts from outside."""
+) -> Iterator[tuple[str, tuple[str, ...], Sequence[float] | None, ForcePart]]:
+    """Yield, with its item, its body and no axis, what acts from outside."""
     for name, load in deck.loads.items():
         own = load.owner
-        yield f"loads.{name}", (own,), load.build_on(marker, bodies[own], deck.bodies[own])
+        yield f"loads.{name}", (own,), None, load.build_on(marker, bodies[own], deck.bodies[own])

@@ -44,8 +44,8 @@ FORMAT = 1
 """The deck format this version reads."""
 _LONG_HISTORY, _LONGEST_HISTORY = 1e8, 64e9
 """Bytes of a history from which it is asked whether they are there, and beyond which it is refused anyway."""
-_COPIES = 3
-"""How often a history is held at a time, at most."""
+_COPIES, _PER_ROW = 3, 250.0
+"""How often a history is held at a time, at most; and what else a row takes meanwhile [byte]."""
 LEAST_TOLERANCE = 1e-14
 """Tolerance below which errors of steps are rounding."""
 
@@ -190,7 +190,7 @@ class OutputSpec(Spec):
         """Yield an interval that makes too many rows."""
         rows = (around.duration or 0.0) / (self.interval or math.inf)
         columns = 1 + len(self.channels or ())
-        needed = 8.0 * _COPIES * rows * columns
+        needed = rows * (8.0 * _COPIES * columns + _PER_ROW)
         if needed > _LONG_HISTORY and needed > (there := min(available(), _LONGEST_HISTORY)):
             size = f"{rows:.3g} rows of {columns} columns would take about {in_bytes(needed)} of memory"
             yield Complaint(("interval",), f"{size}, at most {in_bytes(there)} can be had", "lengthen it")

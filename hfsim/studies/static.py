@@ -21,6 +21,7 @@ from hfsim.mechanics.statics.newton import Effort, NotFoundError
 from hfsim.mechanics.statics.path import Path
 from hfsim.mechanics.statics.problem import State
 from hfsim.parts.bodies.models import MODELS
+from hfsim.parts.joints.driver import DriverSpec
 from hfsim.scene.build import Scene, build
 from hfsim.scene.equilibrium import (
     Turns,
@@ -259,7 +260,10 @@ def facts_of(scene: Scene, samples: StaticSamples, found: Equilibrium) -> dict[s
         "models": scene.models,
         "assembly": scene.assembly.facts(),
         "validity": watch_validity(scene, samples.t, samples.q, samples.v),
-        "warnings": [*scene.warnings, *doubts(scene, found), *singular_rest(scene, samples, found)],
+        "warnings": [
+            *scene.warnings, *doubts(scene, found), *singular_rest(scene, samples, found),
+            *turned_drivers(scene, float(samples.t[-1])),
+        ],
     }
 
 
@@ -289,6 +293,18 @@ def failure_of(scene: Scene, t: float, found: Equilibrium) -> SolverFailure:
         },
         remedy="start beyond that position (initial), or hold the scene off it by a spring or a stop",
     )
+
+
+def turned_drivers(scene: Scene, t: float) -> Iterator[str]:
+    """Yield drivers that have turned so far until a time [s] that full turns may be missing."""
+    for name, joint in scene.deck.joints.items():
+        if isinstance(joint, DriverSpec) and joint.angle is not None:
+            begin, end = joint.angle.build().value(np.array([0.0, t]))
+            if abs(end - begin) > np.pi:
+                yield (
+                    f"joints.{name} has turned by {end - begin:.4g} rad since the start: full turns are not "
+                    "counted on the way, in angles and in what springs exert; let the driver start there"
+                )
 
 
 def singular_rest(scene: Scene, samples: StaticSamples, found: Equilibrium) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from integrators.test_integrators import FREE, oscillator, run
+from integrators.test_integrators import FREE, oscillator, problem_of, run
 
 from hfsim.integrators import Limits, Problem, integrate
 from hfsim.integrators._iteration import Place
@@ -112,3 +112,12 @@ def test_accelerations_that_jump_are_not_taken_over_a_break():
     trajectory, stop = integrate(problem, FREE["explicit"](1e-6), begun, 2.0, Limits(5.0), lambda *_: None)
     assert stop is None and len(trajectory.segments) == 2
     assert trajectory.v[0] == pytest.approx((jump - start) + 3.0 * (2.0 - jump), abs=1e-13)
+
+
+def test_a_limit_of_the_step_is_forgotten_and_no_number_ends():
+    """After 142,000 steps without a rejection the factor on the limit was none that Python has."""
+    stepper = Explicit(1e-6).start(problem_of(lambda t, q, v: -q), 0.0, np.ones(1), np.zeros(1))
+    stepper.attempt(0.0, np.ones(1), np.zeros(1), 1e-3)
+    stepper._served = 200_000
+    stepper.accept(1e-3, np.ones(1), np.zeros(1))
+    assert stepper._cap == np.inf

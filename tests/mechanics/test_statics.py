@@ -547,6 +547,25 @@ def test_bricard_s_loop_rests_flat():
     assert not any("rank" in one for one in run.statistics["warnings"])
 
 
+TURNED = """hfsim: 1
+gravity: [0.0, 0.0]
+bodies: {m: {type: rigid, mass: 1.0, inertia: 0.1}}
+joints:
+  c: {type: revolute, between: [ground, m]}
+  d: {type: driver, between: [ground, m], angle: {type: constant_rate, rate: 40}}
+springs: {k: {type: rotational, between: [ground, m], stiffness: 0.5}}
+solve: {duration: 0.2}
+output: {channels: [m.angle, d.moment]}
+"""
+
+
+def test_drivers_that_have_turned_by_more_than_half_a_turn_are_warned_of():
+    near, far = (hfsim.static(parse_deck(TURNED), at=t) for t in (0.05, 0.1))
+    assert near.final["d.moment"] == pytest.approx(1.0) and not near.statistics["warnings"]
+    (told,) = far.statistics["warnings"]
+    assert "joints.d has turned by 4 rad" in told and "full turns are not counted" in told
+
+
 BECK = """hfsim: 1
 gravity: [0, 0, 0]
 sections:

@@ -261,3 +261,35 @@ def test_counts_look_back_to_any_earlier_time():
         )
         count.end()
     assert len(count.noted) < 40
+
+
+IN_SPACE = """
+hfsim: 1
+gravity: [0.0, 0.0, 0.0]
+bodies: {m: {type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1]}}
+joints: {c: {type: revolute, between: [ground, m], axis: AXIS%s}%s}
+%s
+solve: {duration: 0.05}
+output: {channels: [energy.total, m.angular_velocity_z]}
+"""
+DRIVER = """,
+  d: {type: driver, between: [ground, m], axis: AXIS,
+      angle: {type: constant_rate, start: 200 deg, rate: 0}}"""
+SPRING = "springs: {k: {type: rotational, between: [ground, m], axis: AXIS, stiffness: 0.5, rest_angle: %s}}"
+STOPS = ", stops: {lower: %d deg, upper: %d deg, stiffness: 100}"
+STATED = "initial: {m: {angle: %s}}"
+
+
+@pytest.mark.parametrize(
+    ("deck", "axis", "energy"),
+    [
+        (IN_SPACE % (STOPS % (170, 270), "", STATED % "200 deg"), 1, 0.0),
+        (IN_SPACE % (STOPS % (-270, -170), "", STATED % "200 deg"), -1, 0.0),
+        (IN_SPACE % ("", "", SPRING % "0" + "\n" + STATED % "9.0"), 1, 0.25 * 81.0),
+        (IN_SPACE % ("", DRIVER, SPRING % "180 deg"), 1, 0.25 * np.deg2rad(20.0) ** 2),
+    ],
+)  # fmt: skip
+def test_turns_that_a_deck_states_in_space_count(deck, axis, energy):
+    run = simulate(parse_deck(deck.replace("AXIS", f"[0, 0, {axis}]")), error_estimate=False)
+    assert (run.status, run["energy.total"][0]) == ("done", pytest.approx(energy, abs=1e-12))
+    assert np.ptp(run["energy.total"]) <= 1e-8 * max(energy, 1.0)
