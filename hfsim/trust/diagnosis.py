@@ -36,6 +36,8 @@ from hfsim.trust.experiments import (
 )
 from hfsim.trust.validity import STEEP, truncated_beams, watch_validity
 
+FEW_REJECTED, LAST = 0.5, 100
+"""Share of rejected steps of a run that is only long, and steps at its end that are held against all."""
 MASSLESS = 1e-8
 """Mass over the scene's total from which a body without inertia is to blame for motions too fast."""
 
@@ -80,6 +82,19 @@ def _bad_numbers(stop: SolverFailure, trial: Experiments) -> SolverFailure | Non
         return None
     file = shlex.quote(trial.scene.loaded.source.file)
     return replace(stop, remedy=f"{stop.remedy}, then: hfsim run {file}")
+
+
+def _too_long(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
+    """Steps as long as ever, few of which are rejected, in a run that would take too many of them."""
+    path, share = trial.done.trajectory, stop.evidence.get("rejected_share")
+    if share is None or share > FEW_REJECTED or not path.segments:
+        return None
+    steps = [one.h for one in path.segments]
+    if np.median(steps[-LAST:]) < np.median(steps):
+        return None
+    step = {"step": float(np.median(steps))}
+    found = _classed(stop, "numerical", "solve.duration", step, trial.command_until_then())
+    return replace(found, cause="nothing holds them up but the duration")
 
 
 def _wound_up(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
@@ -272,5 +287,8 @@ def linearised(done: Integration, t: float) -> tuple[Array, Array]:
     return values, vectors
 
 
-HYPOTHESES = (_dead_centre, _bad_numbers, _truncated_model, _wound_up, _without_mass, _crushed, _method)
+HYPOTHESES = (
+    *(_too_long, _dead_centre, _bad_numbers, _truncated_model, _wound_up),
+    *(_without_mass, _crushed, _method),
+)
 """In the order in which they are tried; the first that holds is the cause."""

@@ -296,6 +296,15 @@ def test_a_model_that_left_its_range_is_a_suspicion():
     assert any("left the range of linear" in warning for warning in run.statistics["warnings"])
 
 
+def test_a_run_that_is_only_too_long_is_no_matter_of_its_mechanism():
+    """A pendulum for thirty years: its steps are as long as ever."""
+    run = diagnosed(BOB, "gravity=[0.0, -9.81]", "solve.duration=1.0e9", "output.interval=1.0e6")
+    assert (run.failure["class"], run.failure["item"]) == ("numerical", "solve.duration")
+    assert "steps crawl" in run.reason and "nothing holds them up but the duration" in run.reason
+    until = float(run.failure["try"].split("solve.duration=")[-1])
+    assert 0.9 < until / run.failure["time"] < 1.0
+
+
 def test_what_exact_gets_through_is_no_matter_of_the_mesh():
     """A linear rod falls past the range of its model until an element turns by more than 120 deg."""
     run = diagnosed(FALLING_ROD)
