@@ -28,6 +28,11 @@ LARGE = 100
 _Found = TypeVar("_Found")
 
 
+def _many(n: int) -> float:
+    """Return the number of calls beyond which a recording pays, with so many coordinates."""
+    return MANY * max(1.0, (n / LARGE) ** 2)
+
+
 class Recordings(dict[int, dict[Any, Any]]):
     """What is replayed of the equations, by thread; it does not go along into other processes."""
 
@@ -60,7 +65,7 @@ class Recordings(dict[int, dict[Any, Any]]):
     @staticmethod
     def pay(calls: float, n: int) -> bool:
         """Tell whether recordings of functions that are called so often pay, with so many coordinates."""
-        return kernel.KERNEL == "native" and n <= MOST and calls > MANY * max(1.0, (n / LARGE) ** 2)
+        return kernel.KERNEL == "native" and n <= MOST and calls > _many(n)
 
 
 class Often(Remembering):
@@ -84,7 +89,7 @@ class Often(Remembering):
         self, recordings: Recordings | None = None, start: float = 0.0, end: float = 0.0, n: int = 0
     ) -> None:
         self._start, self._end = start, end
-        self._many = MANY * max(1.0, (n / LARGE) ** 2)
+        self._many = _many(n)
         self._wanted = recordings is not None and kernel.KERNEL == "native"
         self._recordings = Recordings() if recordings is None else recordings
         self._steps = 0

@@ -214,14 +214,15 @@ class System:
 
     def residual(self, t: Array, x: Array) -> Array:
         """Return Phi of all constraints: rows of `unreduced`, then redundant ones, shape (n_batch, ...)."""
-        return np.hstack([one.phi.residual(t, x) for one in self._monitored])
+        return np.hstack([one.phi.residual(t, x) for one in self.monitored])
 
     def drift(self, t: Array, x: Array, u: Array) -> Array:
         """Return Phi' of all constraints, as `residual`."""
-        return np.hstack([one.phi.drift(t, x, u) for one in self._monitored])
+        return np.hstack([one.phi.drift(t, x, u) for one in self.monitored])
 
     @cached_property
-    def _monitored(self) -> tuple[Equations, ...]:
+    def monitored(self) -> tuple[Equations, ...]:
+        """`unreduced`, then redundant constraints if there are any: whose rows `residual` has."""
         own = self.unreduced
         return (own, replace(own, all_constraints=self.redundant)) if self.redundant else (own,)
 

@@ -159,12 +159,12 @@ def separation(
     positive(budget=budget)
     _refuse_repeats(repeats)
     counts, batches = numbers("elements", elements, int), numbers("states", states, int)
-    kinds, times = known_kinds(several("element", element)), repeats
+    kinds = known_kinds(several("element", element))
     study = study_in("bench", destination(output, force, plots), "separation")
     if study is not None:
         study.begin()
     allowed = Budget(budget, time.process_time, start, progress or nobody)
-    result = measure(counts, kinds, times, allowed, batches)
+    result = measure(counts, kinds, repeats, allowed, batches)
     if study is not None:
         publish_separation(result, study)
     if result.status == "interrupted":

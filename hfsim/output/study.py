@@ -8,7 +8,7 @@ A command claims its folder before anything is computed and publishes what came 
 >>> rows = [{"method": "gauss", "cost": {"cpu": 0.5}, "fast": 2}]
 >>> facts = study.publish({"status": "done"}, {"race": (columns, rows)}, "one method")
 one method
->>> facts["files"]  # in that folder
+>>> facts["files"]  # without a folder none
 []
 """
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array
+from hfsim.maths.rotations import wrap
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.directions import THIRD
 from hfsim.mechanics.force import ForcePart
@@ -76,8 +77,8 @@ def _about_z(deck: Deck, body: str) -> float | None:
 
 def _near(angle: float, stated: float) -> float:
     """Return an angle with the turns that put it next to one that is stated, if it is the same."""
-    turned = angle + 2.0 * np.pi * round((stated - angle) / (2.0 * np.pi))
-    return turned if abs(turned - stated) < NEAR else angle
+    apart = float(wrap(np.array(angle - stated)))
+    return stated + apart if abs(apart) < NEAR else angle
 
 
 def beyond_stops(system: System, x: Array) -> Iterator[tuple[str, str]]:

@@ -140,7 +140,6 @@ class _Decomposed(NamedTuple):
     Attributes
     ----------
     left : ndarray, shape (n_rows, n_rows)
-        Over the lengths of the rows.
     sizes : ndarray, shape (n_rows - missing,)
     right : ndarray, shape (n, n)
     lengths : ndarray, shape (n_rows,)
@@ -154,11 +153,11 @@ class _Decomposed(NamedTuple):
     @property
     def null(self) -> Array:
         """Left null vectors, shape (n_rows, missing)."""
-        return np.asarray((self.left * self.lengths[:, None])[:, len(self.sizes) :])
+        return self.left[:, len(self.sizes) :].copy()  # the others are many
 
     def parted(self, gaps: Array) -> tuple[Array, Array]:
         """Return what gaps (n_rows,) are of independent rows, and of the rest."""
-        parts = gaps @ self.left
+        parts = (gaps / self.lengths) @ self.left
         return parts[: len(self.sizes)], parts[len(self.sizes) :]
 
 
@@ -212,7 +211,7 @@ class _Motion:
         J = dense(self._own.phi.jacobian_at(x) @ self._own.reduction.basis)
         lengths = np.maximum(np.linalg.norm(J, axis=1), 1e-300)
         left, sizes, right = np.linalg.svd(J / lengths[:, None])
-        return _Decomposed(left / lengths[:, None], sizes[: len(J) - self._missing], right, lengths)
+        return _Decomposed(left, sizes[: len(J) - self._missing], right, lengths)
 
     def _gaps(self, z: Array) -> Array:
         return np.asarray(self._own.phi.residual(np.zeros(1), self._own.reduction.expand(z))[0])

@@ -288,7 +288,7 @@ def linearised(done: Integration, t: float) -> tuple[Array, Array]:
 
 
 HYPOTHESES = (
-    *(_too_long, _dead_centre, _bad_numbers, _truncated_model, _wound_up),
-    *(_without_mass, _crushed, _method),
+    *(_dead_centre, _bad_numbers, _truncated_model, _wound_up, _without_mass),
+    *(_crushed, _method, _too_long),
 )
 """In the order in which they are tried; the first that holds is the cause."""

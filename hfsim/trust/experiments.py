@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -195,8 +195,7 @@ def left_out_counts(scene: Scene, q: Array) -> str:
     system = scene.system
     if not system.redundant:
         return ""
-    x, own = system.absolute(q[None]), system.unreduced
-    left_out = replace(own, all_constraints=system.redundant)
+    x, (own, left_out) = system.absolute(q[None]), system.monitored
     kept, others = (dense(one.phi.jacobian_at(x)) for one in (own, left_out))
     known, found = _independent(kept), zip(left_out.constraints, left_out.rows, strict=True)
     counting = (c.item for c, rows in found if _independent(np.vstack([kept, others[rows]])) > known)
