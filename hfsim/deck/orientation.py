@@ -76,14 +76,28 @@ class OrientationSpec(Spec):
 
         if self.quaternion is not None:
             return rotation_of_quaternion(np.array(self.quaternion))
-        if self.rotation_vector is not None:
-            return rotation(np.array(self.rotation_vector))
-        if self.axis is not None:
-            return rotation((self.angle or 0.0) * np.asarray(self.axis) / np.linalg.norm(self.axis))
+        if (vector := self._vector) is not None:
+            return rotation(vector)
         x = np.asarray(self.x) / np.linalg.norm(np.asarray(self.x))
         y = np.asarray(self.y) - (np.asarray(self.y) @ x) * x
         y /= np.linalg.norm(y)
         return np.column_stack([x, y, np.cross(x, y)])
+
+    @property
+    def turns(self) -> Array:
+        """Its rotation vector (3,), with the full turns that are stated [rad]."""
+        from hfsim.maths.rotations import rotation_vector
+
+        return rotation_vector(self.matrix) if (vector := self._vector) is None else vector
+
+    @property
+    def _vector(self) -> Array | None:
+        """The rotation vector (3,) of the first two forms."""
+        if self.rotation_vector is not None:
+            return np.array(self.rotation_vector)
+        if self.axis is not None:
+            return np.asarray((self.angle or 0.0) * np.asarray(self.axis) / np.linalg.norm(self.axis))
+        return None
 
 
 def about_z(angle: float) -> Array:

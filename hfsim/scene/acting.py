@@ -9,19 +9,14 @@ import numpy as np
 
 from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array
-from hfsim.maths.rotations import wrap
 from hfsim.mechanics.body import Body
-from hfsim.mechanics.directions import THIRD
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.system import System
-from hfsim.mechanics.turns import NEAR
 from hfsim.scene.facing import Facings
+from hfsim.scene.full_turns import FullTurns
 from hfsim.scene.rules import LeftOut
 from hfsim.scene.schema import Deck
-
-ALONG = 1e-9
-"""How far an axis may be from the third one, over its length, about which bodies state their angle."""
 
 
 def acting(
@@ -44,41 +39,16 @@ def acting(
         Angles of the bodies there, with the turns that the deck states [rad].
     """
     gone = {*left_out["springs"], *left_out["loads"]}
-    found = []
+    found, turns = [], FullTurns(deck)
     for item, ends, axis, part in (*_ties(deck, marker, x), *_loads(deck, bodies, marker)):
         if part.counter is not None and deck.dimension == 2:
             a, b = (angles.get(split_point(point)[0], 0.0) for point in ends)
             part.counter.suppose(0.0, b - a)
         elif part.counter is not None:
-            part.counter.suppose(0.0, _with_turns(deck, ends, axis, float(part.angle(x[None])[0])))
+            part.counter.suppose(0.0, turns.of(ends, axis, float(part.angle(x[None])[0])))
         if item not in gone:
             found.append(replace(part, item=item))
     return found
-
-
-def _with_turns(deck: Deck, ends: Sequence[str], axis: Sequence[float] | None, angle: float) -> float:
-    """Return an angle in space with the turns that the deck states: by a driver, or of bodies about z."""
-    from hfsim.parts.joints.driver import DriverSpec
-
-    own = tuple(axis or THIRD)
-    for joint in (one for one in deck.joints.values() if isinstance(one, DriverSpec)):
-        if joint.angle is not None and joint.between == ends and (joint.axis or THIRD) == own:
-            return _near(angle, float(joint.angle.build().value(np.zeros(1))[0]))
-    first, second = (_about_z(deck, split_point(point)[0]) for point in ends)
-    if first is None or second is None or abs(own[2]) < (1.0 - ALONG) * np.linalg.norm(own):
-        return angle
-    return _near(angle, float(np.sign(own[2])) * (second - first))
-
-
-def _about_z(deck: Deck, body: str) -> float | None:
-    """Return the angle of a body as it is stated, if it is."""
-    return 0.0 if body == "ground" else getattr(deck.motions.get(body), "angle", None)
-
-
-def _near(angle: float, stated: float) -> float:
-    """Return an angle with the turns that put it next to one that is stated, if it is the same."""
-    apart = float(wrap(np.array(angle - stated)))
-    return stated + apart if abs(apart) < NEAR else angle
 
 
 def beyond_stops(system: System, x: Array) -> Iterator[tuple[str, str]]:

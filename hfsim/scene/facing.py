@@ -37,7 +37,7 @@ class Facings:
         deck = self._deck
         stated = {name: entry.turn(3) for name, entry in deck.motions.items()}
         known = {"ground": LEVEL} | {name: R for name, R in stated.items() if R is not None}
-        steps = (_by_holding, self._by_driver, _by_statement, _by_hinge, _by_orientation)
+        steps = (by_holding, self._by_driver, _by_statement, _by_hinge, _by_orientation)
         for name in ("ground", *self._floating(known)):
             known.setdefault(name, LEVEL)
             while any(self._handed_on(known, step) for step in steps):
@@ -106,7 +106,7 @@ def _connected(names: set[str], pairs: list[set[str]]) -> set[str]:
     return names
 
 
-def _by_holding(joint: JointSpec, known: Array, back: bool) -> Array | None:
+def by_holding(joint: JointSpec, known: Array, back: bool) -> Array | None:
     """Return where a joint that leaves no turn holds the other body."""
     return None if joint.swings else _by_orientation(joint, known, back)
 

@@ -59,6 +59,13 @@ class InitialSpec(Spec):
             return matrix_of(self)
         return None if self.angle is None else np.array([self.angle])
 
+    @property
+    def turns(self) -> Array | None:
+        """Rotation vector of the frame in space (3,), with the full turns that are stated; None if open."""
+        if self.orientation is not None:
+            return np.asarray(self.orientation.turns)
+        return None if self.angle is None else np.array([0.0, 0.0, self.angle])
+
     def spin(self, n_dim: int) -> Array | None:
         """Return the angular velocity, shape (n_spin,), in ground axes; None where it is not stated."""
         w = self.angular_velocity

@@ -278,18 +278,31 @@ DRIVER = """,
 SPRING = "springs: {k: {type: rotational, between: [ground, m], axis: AXIS, stiffness: 0.5, rest_angle: %s}}"
 STOPS = ", stops: {lower: %d deg, upper: %d deg, stiffness: 100}"
 STATED = "initial: {m: {angle: %s}}"
+OF_THE_AXIS = "initial: {m: {orientation: {axis: AXIS, angle: %s}}}"
+VECTOR = "initial: {m: {orientation: {rotation_vector: [0, 0, %s]}}}"
+WELDED = """,
+  f: {type: fixed, between: [m, n]}"""
+SECOND = "springs: {k: {type: rotational, between: [n, ground], axis: AXIS, stiffness: 0.5, rest_angle: %s}}"
 
 
 @pytest.mark.parametrize(
     ("deck", "axis", "energy"),
     [
-        (IN_SPACE % (STOPS % (170, 270), "", STATED % "200 deg"), 1, 0.0),
-        (IN_SPACE % (STOPS % (-270, -170), "", STATED % "200 deg"), -1, 0.0),
-        (IN_SPACE % ("", "", SPRING % "0" + "\n" + STATED % "9.0"), 1, 0.25 * 81.0),
-        (IN_SPACE % ("", DRIVER, SPRING % "180 deg"), 1, 0.25 * np.deg2rad(20.0) ** 2),
+        (IN_SPACE % (STOPS % (170, 270), "", STATED % "200 deg"), [0, 0, 1], 0.0),
+        (IN_SPACE % (STOPS % (-270, -170), "", STATED % "200 deg"), [0, 0, -1], 0.0),
+        (IN_SPACE % (STOPS % (170, 270), "", OF_THE_AXIS % "200 deg"), [1, 2, -1], 0.0),
+        (IN_SPACE % ("", "", SPRING % "0" + "\n" + STATED % "9.0"), [0, 0, 1], 0.25 * 81.0),
+        (IN_SPACE % ("", "", SPRING % "0" + "\n" + OF_THE_AXIS % "-9.0"), [1, 0, 0], 0.25 * 81.0),
+        (IN_SPACE % ("", "", SPRING % "0" + "\n" + VECTOR % "9.0"), [0, 0, -1], 0.25 * 81.0),
+        (IN_SPACE % ("", WELDED, SECOND % "0" + "\n" + STATED % "9.0"), [0, 0, 1], 0.25 * 81.0),
+        (IN_SPACE % ("", DRIVER + WELDED, SECOND % "-180 deg"), [0, 3, 4], 0.25 * np.deg2rad(20.0) ** 2),
+        (IN_SPACE % ("", DRIVER, SPRING % "180 deg"), [0, 0, 1], 0.25 * np.deg2rad(20.0) ** 2),
     ],
 )  # fmt: skip
 def test_turns_that_a_deck_states_in_space_count(deck, axis, energy):
-    run = simulate(parse_deck(deck.replace("AXIS", f"[0, 0, {axis}]")), error_estimate=False)
+    deck = deck.replace("AXIS", str(axis))
+    if WELDED in deck:
+        deck = deck.replace("0.1]}}", "0.1]}, n: {type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1]}}")
+    run = simulate(parse_deck(deck), error_estimate=False)
     assert (run.status, run["energy.total"][0]) == ("done", pytest.approx(energy, abs=1e-12))
     assert np.ptp(run["energy.total"]) <= 1e-8 * max(energy, 1.0)

@@ -1,0 +1,98 @@
+"""Full turns that a deck states of bodies in space: what angles about axes are counted from at the start."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from hfsim.deck.fields import split_point
+from hfsim.maths.arrays import Array
+from hfsim.mechanics.directions import THIRD
+from hfsim.parts.specs import JointSpec
+from hfsim.scene.facing import by_holding
+from hfsim.scene.schema import Deck
+
+ALONG = 1e-9
+"""How far a rotation vector may be off an axis, over its length, to be a turn about it."""
+
+
+class FullTurns:
+    """Rotation vectors of bodies, with the full turns that a deck states or that joints hand on."""
+
+    def __init__(self, deck: Deck) -> None:
+        self._deck = deck
+
+    def of(self, ends: Sequence[str], axis: Sequence[float] | None, angle: float) -> float:
+        """Return the angle about an axis that differs by full turns and is next to what the deck states.
+
+        Parameters
+        ----------
+        ends : sequence of str
+            Points on the bodies A and B.
+        axis : sequence of float, optional
+            In A's frame; the third one without it.
+        angle : float
+            That of B against A at the start, up to full turns [rad].
+        """
+        stated = self._stated(tuple(split_point(end)[0] for end in ends), _unit(axis))
+        return angle if stated is None else angle + 2.0 * np.pi * round((stated - angle) / (2.0 * np.pi))
+
+    def _stated(self, bodies: tuple[str, ...], axis: Array) -> float | None:
+        """Return what is stated of an angle about an axis, if that is a turn about it."""
+        for pair, vector in self._driven.items():
+            if set(pair) == set(bodies) and _along(vector, axis):
+                return float(vector @ axis) if pair == bodies else -float(vector @ axis)
+        a, b = map(self._known.get, bodies)
+        if a is None or b is None or not (_along(a, axis) and _along(b, axis)):
+            return None
+        return float((b - a) @ axis)
+
+    @cached_property
+    def _driven(self) -> Mapping[tuple[str, ...], Array]:
+        """Turns of B against A that drivers begin with, by both bodies."""
+        from hfsim.parts.joints.driver import DriverSpec
+
+        return {
+            _bodies(joint): float(joint.angle.build().value(np.zeros(1))[0]) * _unit(joint.axis)
+            for joint in self._deck.joints.values()
+            if isinstance(joint, DriverSpec) and joint.angle is not None
+        }
+
+    @cached_property
+    def _known(self) -> Mapping[str, Array]:
+        """Rotation vectors against the ground (3,), but for less than half a turn where handed on."""
+        stated = {name: entry.turns for name, entry in self._deck.motions.items()}
+        known = {"ground": np.zeros(3)} | {name: one for name, one in stated.items() if one is not None}
+        steps = dict(self._driven)
+        for joint in self._deck.joints.values():
+            if by_holding(joint, np.eye(3), False) is not None:
+                steps.setdefault(_bodies(joint), np.zeros(3))
+        count = 0
+        while count < len(known):
+            count = len(known)
+            for (a, b), step in steps.items():
+                _hand_on(known, a, b, step)
+                _hand_on(known, b, a, -step)
+        return known
+
+
+def _hand_on(known: dict[str, Array], a: str, b: str, step: Array) -> None:
+    """Take the turns of B from those of A where they are about the same axis as what is between them."""
+    if a in known and b not in known and (not known[a].any() or _along(step, _unit(known[a]))):
+        known[b] = known[a] + step
+
+
+def _bodies(joint: JointSpec) -> tuple[str, ...]:
+    return tuple(split_point(end)[0] for end in joint.between)
+
+
+def _unit(axis: Collection[float] | Array | None) -> Array:
+    given = np.asarray(THIRD if axis is None else tuple(axis), dtype=float)
+    return np.asarray(given / np.linalg.norm(given))
+
+
+def _along(vector: Array, axis: Array) -> bool:
+    """Return whether a vector is along a unit vector, or zero."""
+    return bool(np.linalg.norm(np.cross(vector, axis)) <= ALONG * np.linalg.norm(vector))
