@@ -21,6 +21,8 @@ SMALL = 200
 _EQUILIBRATIONS = 4
 _SAME = 1e-11
 """Asymmetry, over the largest entry, that is rounding."""
+_NONE = 1e-9
+"""Squares of frequencies, over what the largest entries make, that are none."""
 
 Solve = Callable[[Array], Array]
 
@@ -93,7 +95,11 @@ class Pencil:
         """The size of the squares of the fastest frequencies, roughly."""
         stiff, heavy = (np.abs(one.diagonal()) for one in (self.stiffness, self.mass))
         there = heavy > 0.0
-        return float((stiff[there] / heavy[there]).max(initial=0.0)) or 1.0
+        if not there.any():
+            return 1.0
+        # what is stiff may be a coordinate that has no mass but moves others that have, as the axis of a disc
+        found, other = float((stiff[there] / heavy[there]).max()), float(stiff.max() / heavy.max())
+        return (found if found > _NONE * other else other) or 1.0
 
     @property
     def whirling(self) -> float:

@@ -139,8 +139,9 @@ class Turning:
 
     @classmethod
     def fitting(
-        cls, bodies: Sequence[Body], equations: Equations, t: float, x: Array, u: Array, a: Array, blur: Array
-    ) -> Turning | None:
+        cls, bodies: Sequence[Body], equations: Equations, t: float,
+        x: Array, u: Array, a: Array, blur: Array, alone: bool = False,
+    ) -> Turning | None:  # fmt: skip
         """Return the rigid motion of everything that is nearest to rates, in the metric of the mass.
 
         Parameters
@@ -149,6 +150,8 @@ class Turning:
             A state and its accelerations, which tell whether the axis moves on where joints allow that.
         blur : ndarray, shape (n_x,)
             What the last digits of the state do to these.
+        alone : bool
+            Whether it is that of bodies by themselves, where the state might be one of everything as well.
 
         Returns
         -------
@@ -162,7 +165,7 @@ class Turning:
         shifts = [cls.of(bodies, 0.0 * units[0], origin, sparse, unit).travel for unit in np.eye(n_dim)]
         columns = np.array([*(one.rates(x[None])[0] for one in spins), *shifts])
         noise = NOISE**2 * float(equations.momentum(x[None], blur[None])[0] @ blur)
-        rotors = cls._with_rotors(bodies, equations, x, u, a, noise, spins, columns)
+        rotors = cls._with_rotors(bodies, equations, x, u, a, noise, spins, columns, alone)
         if rotors is not None:
             return rotors
         factors, left = _nearest(equations, x, columns, u)
@@ -196,6 +199,7 @@ class Turning:
         noise: float,
         spins: Sequence[Turning],
         columns: Array,
+        alone: bool,
     ) -> Turning | None:
         """Return a steady motion in which round bodies turn by themselves; None if that is not what it is.
 
@@ -224,7 +228,8 @@ class Turning:
         factors, missed = split
         size = float(equations.momentum(x[None], a[None])[0] @ a)
         before = _nearest(equations, x, whirls[:0], a - together[:count] @ whirls[:count])[1]
-        if apart <= max(NOISE * missed, SINGULAR**0.5) and before <= SINGULAR * size + noise:
+        whole = apart <= max(NOISE * missed, SINGULAR**0.5) and before <= SINGULAR * size + noise
+        if whole and (factors[: len(columns)].any() or not alone):
             return None
         spin, velocity, rates = np.split(factors, [count, len(columns)])
         square = float(spin @ spin)
@@ -235,8 +240,8 @@ class Turning:
         )
         found = cls.of(bodies, spin, centre, sparse)
         turned = sum((rate * matrix for rate, matrix in zip(rates, own.values(), strict=True)), found.matrix)
-        alone = {name: rate for name, rate in zip(own, rates.tolist(), strict=True) if rate}
-        return replace(found, matrix=turned, own=alone)
+        turning = {name: rate for name, rate in zip(own, rates.tolist(), strict=True) if rate}
+        return replace(found, matrix=turned, own=turning)
 
     def _allowed(self, equations: Equations, t: float, x: Array) -> bool:
         """Tell whether the joints allow the accelerations."""

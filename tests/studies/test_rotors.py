@@ -276,3 +276,45 @@ def test_a_round_shaft_hangs_in_its_bearings_while_it_turns():
     # 3.2 kg on two springs; the disc bends the shaft by P L^3 / 48 EI, its own weight by 5 q L^4 / 384 EI
     sag, bent = 3.2e-3 / 40.0, 2.0e-3 / 48.0 + 5.0e-3 / 384.0
     assert ends == pytest.approx([-sag, -sag - bent], rel=1e-3)
+
+DISC = """hfsim: 1
+gravity: [0, 0, 0]
+ground: {points: {y: [0.3, 1.0, 0], z: [0.3, 0.0, 1.0]}}
+bodies: {disc: {type: rigid, mass: 2, inertia: [0.04, 0.02, 0.02], points: {a: [0.3, 0, 0]}}}
+joints: {ball: {type: spherical, between: [ground, disc]}}
+springs:
+  y: {type: two_point, between: [ground.y, disc.a], stiffness: 1300, rest_length: 1.0}
+  z: {type: two_point, between: [ground.z, disc.a], stiffness: 1000, rest_length: 1.0}
+initial: {disc: {angular_velocity: [50, 0, 0]}}
+solve: {duration: 1}
+"""
+
+
+def whirls_of_a_disc(rate):
+    """(1300 a^2 - J w^2) (1000 a^2 - J w^2) = (J_p rate w)^2, in Hz."""
+    first, second, polar = 1300.0 * 0.09, 1000.0 * 0.09, 0.04 * rate
+    squares = np.roots([0.02**2, -0.02 * (first + second) - polar**2, first * second])
+    return np.sqrt(np.sort(squares.real)) / (2.0 * np.pi)
+
+
+def test_a_disc_alone_on_unlike_bearings_is_seen_from_axes_at_rest():
+    rates = [0.0, 25.48522490345157, 50.0]
+    found = hfsim.campbell(parse_deck(DISC), rates, count=3)
+    assert not found.facts()["unsteady_rates"]
+    for k, rate in enumerate(rates):
+        seen = [found.frequencies(number)[k] for number in (2, 3)]
+        assert seen == pytest.approx(whirls_of_a_disc(rate), rel=1e-7)
+    for about in ("start", "steady"):
+        modes = hfsim.modes(parse_deck(DISC), about=about, count=3)
+        assert modes.about.turning.own == {"disc": pytest.approx(50.0)}
+        assert modes.frequencies[1:] == pytest.approx(whirls_of_a_disc(50.0), rel=1e-7)
+
+
+def test_a_disc_alone_on_like_bearings_is_seen_from_axes_that_turn():
+    modes = hfsim.modes(parse_deck(DISC.replace("1300", "1000")), count=3)
+    assert modes.about.turning.spin == pytest.approx([50.0, 0.0, 0.0])
+    turns = 50.0 / (2.0 * np.pi)
+    square, polar = 1000.0 * 0.09 / 0.02, 0.04 * 50.0 / 0.02
+    whirls = np.sqrt(square + polar**2 / 4.0) + polar / 2.0 * np.array([-1.0, 1.0])
+    seen = np.sort(abs(whirls / (2.0 * np.pi) * [-1, 1] - turns))
+    assert modes.frequencies[1:] == pytest.approx(seen, rel=1e-7)

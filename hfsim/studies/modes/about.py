@@ -75,6 +75,16 @@ class About:
         """Whether these axes turn, and not only bodies in them by themselves."""
         return self.turning is not None and bool(np.any(self.turning.spin))
 
+    def from_axes_at_rest(self) -> About | None:
+        """Return the same state where nothing turns but round bodies by themselves; None where more does."""
+        if not self.axes_turn:
+            return None
+        at = self.motions
+        turning = _turning(self.scene, self.t, at, alone=True)
+        if turning is None or turning.spin.any():
+            return None
+        return replace(self, motions=small_motions(self.scene.system, self.t, at.x, at.u, turning))
+
     @cached_property
     def mass(self) -> float:
         """Of all that moves [kg]."""
@@ -365,6 +375,11 @@ def linearised(scene: Scene, q: Array, v: Array, state: str, t: float = 0.0) -> 
         still = small_motions(system, t, x, u)
     except np.linalg.LinAlgError as error:
         raise ModesError(f"the equations of motion are singular in this state: {error}") from None
-    turning = Turning.fitting(list(scene.bodies.values()), system.equations, t, x, u, still.a, still.blur)
+    turning = _turning(scene, t, still)
     motions = still if turning is None else small_motions(system, t, x, u, turning)
     return About(scene, state, t, motions)
+
+
+def _turning(scene: Scene, t: float, at: SmallMotions, alone: bool = False) -> Turning | None:
+    bodies, equations = list(scene.bodies.values()), scene.system.equations
+    return Turning.fitting(bodies, equations, t, at.x, at.u, at.a, at.blur, alone)

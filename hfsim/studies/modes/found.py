@@ -230,6 +230,8 @@ def check_count(count: int) -> None:
 def modes_of(state: About, count: int) -> Modes:
     """Return the slowest modes about a state, and in small scenes all unstable ones.
 
+    Where they would change as axes turn, and nothing but round bodies does turn, these axes stay at rest.
+
     Raises
     ------
     ArgumentError
@@ -238,6 +240,12 @@ def modes_of(state: About, count: int) -> Modes:
         If the pencil is singular.
     """
     check_count(count)
+    found = _slowest(state, count)
+    other = state.from_axes_at_rest() if found.uneven else None
+    return found if other is None else _slowest(other, count)
+
+
+def _slowest(state: About, count: int) -> Modes:
     pencil = state.motions.pencil
     try:
         found = eigenpairs(pencil, count)
