@@ -7,6 +7,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipk, ellipkinc
 
 import hfsim
+from hfsim.maths.rotations import rotation
 from hfsim.mechanics.statics.buckling import critical_factors
 from hfsim.mechanics.statics.newton import Effort
 from hfsim.mechanics.statics.path import Path
@@ -30,6 +31,32 @@ def test_a_clamped_column_gives_way_under_euler_s_loads(elements, degree):
     found = critical_factors(problem_of(column(1.0, elements, degree), 1.0), Effort())
     assert [one.load for one in found] == pytest.approx([EULER, 9.0 * EULER, 25.0 * EULER], rel=2e-5)
     assert found[0].load == pytest.approx(EULER, rel=1e-6)
+    assert all(one.found for one in found)
+
+
+ROUND = """hfsim: 1
+gravity: [0, 0, 0]
+materials: {m: {density: 1000.0, youngs_modulus: 1.0e9}}
+sections: {c: {shape: circle, radius: 0.005}}
+bodies: {b: {type: beam, material: m, section: c, length: 1.0, elements: 8}}
+joints: {j: {type: fixed, between: [ground, b.root], orientation: {rotation_vector: [0.4, -0.3, 0.9]}}}
+loads: {p: {type: force, at: b.tip, force: [%s, %s, %s]}}
+solve: {duration: 1.0}
+"""
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [[], ["bodies.b.elements=40"], ["solve.model=lowOrder"], ["bodies.b.element=cable", "bodies.b.degree=5"]],
+)
+def test_a_round_column_gives_way_to_both_sides_wherever_it_points(overrides):
+    """Rounding makes a complex pair of the two factors where the motions do not lie along coordinates."""
+    R = rotation(np.array([0.4, -0.3, 0.9]))
+    scene = build(parse_deck(ROUND % tuple(-R[:, 0]), overrides=overrides))
+    found = critical_factors(problem_of(scene), Effort(), 3)
+    euler = EULER * 1e9 * np.pi * 0.005**4 / 4.0
+    assert [one.load for one in found[:2]] == pytest.approx([euler, euler], rel=1e-4)
+    assert found[2].load == pytest.approx(9.0 * euler, rel=2e-3)
     assert all(one.found for one in found)
 
 

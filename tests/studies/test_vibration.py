@@ -898,3 +898,24 @@ def test_what_goes_on_is_told_apart_from_what_dampers_end():
     assert found[1].shares == pytest.approx({"a": 0.6, "b": 0.0, "c": 0.4}, abs=1e-9)
     assert found[4].growth == pytest.approx(-0.5 / 0.7, rel=1e-9)
     assert found[5].growth == pytest.approx(-0.1 * (1 / 0.3 + 1 / 0.2), rel=1e-9)
+
+
+OBLIQUE = """hfsim: 1
+gravity: [{gravity}]
+materials: {{steel: {{density: 7800, youngs_modulus: 2.0e11}}}}
+sections: {{bar: {{shape: circle, radius: 0.015}}}}
+bodies: {{b: {{type: beam, element: cable, material: steel, section: bar, length: 1.0, elements: 16}}}}
+joints: {{pin: {{type: revolute, between: [ground, b.root]}}}}
+initial: {{b: {{angle: -0.8707963267948966}}}}
+solve: {{model: {model}, duration: 1.0}}
+"""
+
+
+@pytest.mark.parametrize("model", ["linear", "lowOrder", "exact"])
+@pytest.mark.parametrize("more", [[], [0.0]])
+def test_a_stiff_pendulum_off_the_axes_swings_as_a_rigid_one(model, more):
+    """w^2 = 3 g / 2 L: differences of first order make a stiffness of their own of what is stiff."""
+    gravity = ", ".join(map(str, [9.81 * np.sin(0.7), -9.81 * np.cos(0.7), *more]))
+    deck = parse_deck(OBLIQUE.format(gravity=gravity, model=model))
+    found = hfsim.modes(deck, about="equilibrium", count=1)
+    assert 2.0 * np.pi * found.frequencies[0] == pytest.approx(np.sqrt(1.5 * 9.81), rel=1e-4)

@@ -15,6 +15,8 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Matrix, dense, is_sparse
+from hfsim.maths.pencils import EPS
+from hfsim.mechanics.small_motions import BY_DIFFERENCES
 from hfsim.mechanics.statics.newton import (
     MOVE,
     SHORTEST,
@@ -39,13 +41,21 @@ SPARE = 4
 MOST = 12
 """Improvements of a factor."""
 REACHED = 1e-4
-"""Last of these changes, relative to the factor, up to which only rounding of the stiffness is in it."""
+"""Least of these changes, relative to the factor, up to which only rounding of the stiffness is in it."""
+BEFORE = 0.9
+"""Part of the way to an estimate up to which the equilibrium is taken where it is not found there."""
 AHEAD = 1e-2
 """The same, beyond which a factor runs ahead of any load, and the distance at which it is looked for else."""
 REAL = 1e-6
 """Imaginary part of an eigenvalue, relative to its size, up to which it is real."""
+NOISE = 1e2
+"""Skew parts of changes of the stiffness, over what rounding does to their entries, that are rounding."""
+SPANNED = 1e-6
+"""Part of motions beyond others, relative to the largest, from which it is a motion of its own."""
 ROUNDING = 1e-15
 """Change of the stiffness along a motion, relative to all that adds up to it, that may be rounding."""
+ONE = 1e-6
+"""Difference of factors, relative to them, up to which they are one."""
 ALIKE = 0.99
 """Cosine of the angle between motions from which on they are the same."""
 FOLLOWED = 80
@@ -105,7 +115,7 @@ def _felt(stiffness: Matrix, factor: Factor) -> bool:
 def _same(one: Factor, other: Factor) -> bool:
     """Return whether two factors have been improved to the same."""
     sizes = float(np.linalg.norm(one.motion) * np.linalg.norm(other.motion))
-    near = abs(one.load - other.load) <= 1e-6 * abs(other.load)
+    near = abs(one.load - other.load) <= ONE * abs(other.load)
     return near and abs(float(one.motion @ other.motion)) > ALIKE * sizes
 
 
@@ -114,23 +124,24 @@ def _improved(problem: Problem, state: State, load: float, motion: Array, effort
 
     The straight line K + nu K' has zeros where K itself has none, as of what bends from the start.
     """
-    found = Factor(load, False, motion)
-    at, before = 0.0, [load]
+    found = best = Factor(load, False, motion)
+    at, before, least = 0.0, [load], abs(load)
     for _ in range(MOST):
         try:
-            near = balanced(problem, state, Level(load), effort)
+            place, near = _next_to(problem, state, at, load, effort)
             if problem.moved(near.z - state.z) > MOVED:
                 return found
-            pairs = _eigenpairs(problem, near, load, STEP * load, effort, 0)
+            pairs = _eigenpairs(problem, near, place, STEP * place, effort, 0)
         except (NotFoundError, np.linalg.LinAlgError):
-            return found
+            return best._replace(found=least <= REACHED * abs(best.load))
         if not pairs:
             return None
         motion = motion / np.linalg.norm(motion)
         alike = [abs(float(one @ motion)) / float(np.linalg.norm(one)) for _, one in pairs]
         close = [alike[k] / (1.0 + abs(pairs[k][0]) / abs(load)) for k in range(len(pairs))]
-        more, motion = pairs[int(np.argmax(close))]
-        state, at, load = near, load, load + more
+        more = pairs[int(np.argmax(close))][0]
+        motion = _followed(motion, [one for shift, one in pairs if abs(shift - more) <= ONE * abs(load)])
+        state, at, load = near, place, place + more
         if load <= 0.0:
             return None
         # at the factor itself all is rounding: from next to it the same is found again
@@ -139,9 +150,26 @@ def _improved(problem: Problem, state: State, load: float, motion: Array, effort
         if found.found:
             return found
         before.append(load)
-    if abs(load - at) <= REACHED * abs(load):
-        return found._replace(found=True)
-    return _between(problem, state, load, effort) if abs(load - at) <= AHEAD * abs(load) else None
+        if abs(more) <= least:
+            best, least = found, abs(more)
+    if least <= REACHED * abs(best.load):
+        return best._replace(found=True)
+    return _between(problem, state, best.load, effort) if least <= AHEAD * abs(best.load) else None
+
+
+def _next_to(problem: Problem, state: State, at: float, load: float, effort: Effort) -> tuple[float, State]:
+    """Return a load with the equilibrium there or, where that at an estimate is too singular, before it."""
+    try:
+        return load, balanced(problem, state, Level(load), effort)
+    except (NotFoundError, np.linalg.LinAlgError):
+        before = at + BEFORE * (load - at)
+        return before, balanced(problem, state, Level(before), effort)
+
+
+def _followed(motion: Array, others: list[Array]) -> Array:
+    """Return what is nearest to a motion among those of one factor, of which any mixture is one."""
+    basis = np.array(others).T
+    return np.asarray(basis @ np.linalg.lstsq(basis, motion, rcond=None)[0])
 
 
 def _between(problem: Problem, state: State, load: float, effort: Effort) -> Factor | None:
@@ -228,24 +256,58 @@ def _eigenpairs(
     low, high = (problem.tangent(one, load + way) for one, way in zip(ends, (-step, step), strict=True))
     tangent = problem.tangent(state, load)
     change = (high.stiffness - low.stiffness) / (2.0 * step)
-    values, motions = (
-        _sparse(tangent, change, count) if is_sparse(tangent.stiffness) else _dense(tangent, change)
-    )
+    if is_sparse(tangent.stiffness):
+        values, motions = _sparse(tangent, change, count)
+        basis = _spanned(motions)
+    else:
+        basis = _allowed(dense(tangent.jacobian), len(tangent.stiffness))
+        values, motions = _projected(basis, tangent.stiffness, change)
     kept = (np.abs(values.imag) <= REAL * np.abs(values)) & (np.abs(values) > 0.0)
     factors, motions = 1.0 / values.real[kept], motions[kept].real
+    precision = BY_DIFFERENCES if problem.system.variable_mass else EPS
+    noise = NOISE * precision * abs(tangent.stiffness).max() / step
+    if abs(change - change.T).max() <= noise:
+        factors, motions = _symmetric(basis, tangent.stiffness, change, load) or (factors, motions)
     if count:
         factors, motions = factors[factors > 0.0], motions[factors > 0.0]
     order = np.argsort(np.abs(factors))[: count or 6]
     return [(float(factors[k]), motions[k]) for k in order]
 
 
-def _dense(tangent: Tangent, change: Array) -> tuple[Array, Array]:
-    """Return eigenvalues 1 / nu of -K^-1 K' on allowed motions, and these motions as rows."""
-    K, J = dense(tangent.stiffness), dense(tangent.jacobian)
-    Z = np.linalg.qr(J.T, mode="complete")[0][:, len(J) :] if len(J) else np.eye(len(K))
-    values, vectors = np.linalg.eig(np.linalg.solve(Z.T @ K @ Z, -(Z.T @ dense(change) @ Z)))
+def _allowed(J: Array, n: int) -> Array:
+    """Return a basis of the motions that joints allow, (n, k)."""
+    return np.linalg.qr(J.T, mode="complete")[0][:, len(J) :] if len(J) else np.eye(n)
+
+
+def _spanned(motions: Array) -> Array:
+    """Return a basis of what complex motions, as rows, span together, (n, k)."""
+    parts = np.concatenate([motions.real, motions.imag])
+    left, sizes, _ = np.linalg.svd((parts / np.linalg.norm(motions, axis=1).max()).T, full_matrices=False)
+    return np.asarray(left[:, sizes > SPANNED])
+
+
+def _projected(Z: Array, K: Matrix, change: Matrix) -> tuple[Array, Array]:
+    """Return eigenvalues 1 / nu of -K^-1 K' on motions (n, k), and these motions as rows."""
+    values, vectors = np.linalg.eig(np.linalg.solve(Z.T @ (K @ Z), -(Z.T @ (change @ Z))))
     rounding = 1e-12 * np.abs(values).max(initial=0.0)
     return np.where(np.abs(values) > rounding, values, 0.0), (Z @ vectors).T
+
+
+def _symmetric(Z: Array, K: Matrix, change: Matrix, load: float) -> tuple[Array, Array] | None:
+    """Return the factors nu of matrices without skew parts on motions (n, k), and these motions as rows.
+
+    Of the stiffness without load they are all real: rounding makes pairs of two that are one elsewhere.
+    None where that is not positive.
+    """
+    from scipy.linalg import eigh
+
+    own, others = (Z.T @ (one @ Z) for one in (K - load * change, -change))
+    try:
+        values, vectors = eigh(0.5 * (others + others.T), 0.5 * (own + own.T))
+    except np.linalg.LinAlgError:
+        return None
+    there = np.abs(values) > 1e-12 * np.abs(values).max(initial=0.0)
+    return 1.0 / values[there] - load, (Z @ vectors[:, there]).T
 
 
 def _sparse(tangent: Tangent, change: Array, count: int) -> tuple[Array, Array]:
