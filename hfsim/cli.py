@@ -42,7 +42,7 @@ COMMANDS = {
 
 
 _HELP = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
-INTERRUPTED = 130
+INTERRUPTED, TERMINATED = 130, 143
 
 SELDOM = 20_000
 """New objects after which Python looks for cycles."""
@@ -163,7 +163,7 @@ def main() -> None:
     try:
         app(prog_name="hfsim")
     except SystemExit as stop:
-        if taken and stop.code == INTERRUPTED:
+        if taken and stop.code in (1, INTERRUPTED):  # what an interruption breaks off is no mistake
             raise SystemExit(taken[0]) from None
         if not stop.code:
             _end()
@@ -237,16 +237,18 @@ def _take_signals() -> list[int]:
     def take(number: int, frame: object) -> None:
         for one in taken:
             signal.signal(one, signal.SIG_DFL)
-        from hfsim.errors import Terminated, interruption_code
-        from hfsim.marching.stop import SHIELD
-
-        if os.getpid() not in (process, SHIELD.process):
+        # nothing is imported here: what it interrupts may be half-way through importing the same
+        shield = getattr(sys.modules.get("hfsim.marching.stop"), "SHIELD", None)
+        if os.getpid() not in (process, getattr(shield, "process", 0)):
             os.kill(os.getpid(), number)
             return
-
-        by = KeyboardInterrupt() if number == signal.SIGINT else Terminated(signal.Signals(number).name)
-        codes.append(interruption_code(by))
-        SHIELD.interrupt(by)
+        codes.append(INTERRUPTED if number == signal.SIGINT else TERMINATED)
+        if shield is None:
+            raise KeyboardInterrupt
+        Terminated: type[KeyboardInterrupt] = sys.modules["hfsim.errors"].Terminated
+        shield.interrupt(
+            KeyboardInterrupt() if number == signal.SIGINT else Terminated(signal.Signals(number).name)
+        )
 
     for number in taken:
         if signal.getsignal(number) != signal.SIG_IGN:  # as nohup asks for

@@ -166,7 +166,7 @@ def _publish(
         from hfsim.output.writers import table_text
 
         text = table_text(rows, columns).rstrip("\n")
-    study.publish(facts, {stem: (columns, rows)}, text, draw)
+    study.publish(facts, {stem: (columns, rows)}, text, draw, asked=as_csv)
 
 
 def write_matrices(found: Modes, path: Path) -> None:

@@ -237,7 +237,8 @@ def _resumed(argument: str, loaded: LoadedDeck, path: Path, settings: Settings, 
     provenance = Provenance.of(loaded, argument, settings.overrides)
     try:
         refuse_others(path, summary, provenance)
-        if summary["status"] in ("done", "failed") and summary.get("exit_code") not in INTERRUPTIONS:
+        cut_off = (*INTERRUPTIONS, None) if summary["status"] == "done" else INTERRUPTIONS
+        if summary["status"] in ("done", "failed") and summary.get("exit_code") not in cut_off:
             return Job(argument, loaded, RunFolder(path), ended=summary)
         checkpoint = take_up(path, provenance)
     except CheckpointError as error:

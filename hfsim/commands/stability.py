@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hfsim.commands.decks import (
-    find_deck,
     load_decks,
     usual_models,
     with_numbers,
@@ -126,7 +125,7 @@ def stability(
 
     started = time.perf_counter()
     overrides = (*overrides, *without_blind_channels(deck, overrides, names(models), talk))
-    loaded = with_numbers(load_decks([str(find_deck(deck, talk))], overrides, talk, lambda _: None)[0], talk)
+    loaded = with_numbers(load_decks([deck], overrides, talk, lambda _: None)[0], talk)
     with as_usage():
         bounds = {"max_error": max_error, "max_drift": max_drift, "budget": budget, "limit": limit}
         asked = Asked(

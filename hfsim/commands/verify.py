@@ -82,7 +82,7 @@ def _carry_out(entries: list[Entry], workers: Workers, markdown: bool, study: St
     ):
         result = verify(entries, workers.jobs, progress, executor)
     text = (as_markdown if markdown else as_text)(result)
-    study.publish(as_facts(result), {"verify": (COLUMNS, result.rows)}, text)
+    study.publish(as_facts(result), {"verify": (COLUMNS, result.rows)}, text, asked=markdown)
     _tell_misses(result)
     return result.exit_code
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -58,9 +59,14 @@ def add_page(folder: Path, summary: Mapping[str, Any], text: str, deck: str) -> 
     ]
     title = f"{summary['name']}: {summary['status']}"
     plain = {**summary, "files": [*summary["files"], PAGE]}
-    with disk(folder):
+    with disk(folder / PAGE):
         write_json(folder / SUMMARY, plain)
-        write_text(folder / PAGE, page(title, parts, summary["versions"]))
+        try:
+            write_text(folder / PAGE, page(title, parts, summary["versions"]))
+        except OSError:
+            with suppress(OSError):
+                write_json(folder / SUMMARY, {**summary, "exit_code": 1, "reason": f"{PAGE} was not written"})
+            raise
     return plain
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from hfsim.errors import INTERRUPTIONS, LimitReached, interruption_code
@@ -15,12 +15,14 @@ from hfsim.output.disk import History, disk, write_json
 from hfsim.output.extras import Extras, add_extras
 from hfsim.output.runfolder import SUMMARY, RunFolder, RunLog, Stopwatch
 from hfsim.output.writers import Provenance, running_summary, summary_of, write_resolved
+from hfsim.simulate import AFTER_ITS_END
 
 if TYPE_CHECKING:
     from numpy import ndarray
 
 EVERY = 30.0
 """Time between two checkpoints [s]."""
+_RESUMABLE = ("interrupted", "limit")
 
 
 class Recording:
@@ -107,6 +109,7 @@ class Recording:
     def abandon(self, error: BaseException) -> None:
         """Say in the folder why there are no results: interrupted outside its steps, or gone wrong."""
         if self._history is None or self._ended:
+            self._release()
             return
         if isinstance(error, KeyboardInterrupt):
             told = {"status": "interrupted", "reason": "interrupted", "exit_code": interruption_code(error)}
@@ -135,15 +138,15 @@ class Recording:
         WriteError
             If the system refuses.
         """
-        self._ended, resumable = True, run.status in ("interrupted", "limit")
-        if resumable:
+        self._ended = True
+        if run.status in _RESUMABLE:
             self._put_down()
         with disk(self.path), self._watch.phase("write"):
             if self._history is not None:
                 self._history.sync()
-            if not resumable:
-                (self.path / CHECKPOINT).unlink(missing_ok=True)
-            self._summarise(run, ())
+            # if this is the last that is written of it, what is to be done after it is missing
+            missing = {"reason": AFTER_ITS_END, "exit_code": None} if run.status == "done" else {}
+            self._summarise(run, (), missing)
 
     def finish(self, run: Run, wanted: Extras) -> tuple[Run, dict[str, Any]]:
         """Make what is wanted beside, write the last summary; return the run as it is told there, and that.
@@ -153,14 +156,19 @@ class Recording:
         WriteError
             If the system refuses.
         """
-        run, files = add_extras(run, wanted, self.path, self._watch)
-        if run.status == "done" and run.exit_code in INTERRUPTIONS:
-            self._put_down()
-        run = self._watch.added_to(run)
-        with disk(self.path):
-            summary = self._summarise(run, files)
-            self._log.end(summary)
-        self._release()
+        try:
+            run, files = add_extras(run, wanted, self.path, self._watch)
+            cut_off = run.status == "done" and run.exit_code in INTERRUPTIONS
+            if cut_off:
+                self._put_down()
+            run = self._watch.added_to(run)
+            with disk(self.path):
+                if not (cut_off or run.status in _RESUMABLE):
+                    (self.path / CHECKPOINT).unlink(missing_ok=True)
+                summary = self._summarise(run, files)
+                self._log.end(summary)
+        finally:
+            self._release()
         return run, summary
 
     def _release(self) -> None:
@@ -168,11 +176,11 @@ class Recording:
             self._history.close()
         self.folder.release()
 
-    def _summarise(self, run: Run, extra: Iterable[str]) -> dict[str, Any]:
+    def _summarise(self, run: Run, extra: Iterable[str], told: Mapping[str, Any] = {}) -> dict[str, Any]:
         files = ["history.csv", "resolved.yaml", "run.log", SUMMARY, *extra]
         if (self.path / CHECKPOINT).exists():
             files.append(CHECKPOINT)
-        summary = summary_of(run, self.provenance, files)
+        summary = {**summary_of(run, self.provenance, files), **told}
         write_json(self.path / SUMMARY, summary)
         return summary
 

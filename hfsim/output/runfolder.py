@@ -239,7 +239,9 @@ def claim(path: Path, force: bool, marker: str = SUMMARY) -> RunFolder:
         raise FolderError(
             f"{path} already holds {holds}; use --force to replace it, or -o DIR to go elsewhere"
         )
-    stale = tuple(name for name in _listed_files(summary, marker) if os.path.lexists(path / name))
+    own = (name for name in present if name in _OWN_FILES)  # listed or not
+    listed = dict.fromkeys([*_listed_files(summary, marker), *own])
+    stale = tuple(name for name in listed if os.path.lexists(path / name))
     return RunFolder(path, replaces=f"a run with status {status}", stale=stale)
 
 

@@ -105,6 +105,7 @@ class Study:
         draw: Callable[[Path], Iterable[str]] | None = None,
         page: Page | None = None,
         also: Sequence[str] = (),
+        asked: bool = False,
     ) -> dict[str, Any]:
         """Write the study and tell it: as JSON on one line or as text, as the user wishes.
 
@@ -122,6 +123,8 @@ class Study:
             Makes the page that shows all of it.
         also : sequence of str
             Files that are there already.
+        asked : bool
+            Whether the user has asked for the text in this form: it is for programs then.
 
         Returns
         -------
@@ -147,7 +150,7 @@ class Study:
         if self.folder:
             self.folder.release()
         self.talk.facts(plain)
-        self.talk.result(text)
+        self.talk.result(text, asked)
         if signal:
             raise signal
         return plain

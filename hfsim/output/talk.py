@@ -62,9 +62,9 @@ class Talk:
     aside: bool = False
     _told: set[str] = field(default_factory=set, repr=False, compare=False)
 
-    def result(self, text: str) -> None:
-        """Print a result for people; silent under ``-q`` and ``--json``."""
-        if not (self.quiet or self.as_json):
+    def result(self, text: str, asked: bool = False) -> None:
+        """Print a result for people; silent under ``--json``, and under ``-q`` but in a form asked for."""
+        if not (self.as_json or (self.quiet and not asked)):
             (print_error if self.aside else print_out)(text)
 
     def facts(self, facts: object) -> None:

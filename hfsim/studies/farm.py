@@ -11,13 +11,15 @@ import multiprocessing.connection
 import os
 import pickle
 import signal
+import sys
 import threading
 import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
-from contextlib import closing, suppress
+from contextlib import closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
+from types import FrameType, ModuleType
 from typing import Any, ClassVar
 
 from hfsim.errors import HfsimError
@@ -235,11 +237,12 @@ class Farm(Executor):
                 worker.function = task.function
 
     def _hire(self) -> _Worker:
-        kinds = multiprocessing.get_all_start_methods()
-        context: Any = multiprocessing.get_context("fork" if "fork" in kinds else "spawn")
+        forks = "fork" in multiprocessing.get_all_start_methods() and not _others_at_work()
+        context: Any = multiprocessing.get_context("fork" if forks else "spawn")
         ours, theirs = context.Pipe()
         process = context.Process(target=_serve, args=(theirs,), daemon=True)
-        process.start()
+        with nullcontext() if forks else _without_script():
+            process.start()
         theirs.close()
         self._workers.append(_Worker(process, ours))
         return self._workers[-1]
@@ -286,6 +289,28 @@ class Farm(Executor):
             if worker.task is not None:
                 self._queue.appendleft(worker.task)
             self._dismiss(worker)
+
+
+def _others_at_work() -> bool:
+    """Tell whether other threads are within hfsim: a fork would leave their locks closed for ever."""
+    for thread, frame in sys._current_frames().items():
+        within: FrameType | None = frame
+        while within is not None and thread != threading.get_ident():
+            if within.f_globals.get("__name__", "").partition(".")[0] == __name__.partition(".")[0]:
+                return True
+            within = within.f_back
+    return False
+
+
+@contextmanager
+def _without_script() -> Iterator[None]:
+    """Let processes that begin anew not run the script of this one: nothing of it is needed there."""
+    script = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = script
 
 
 def _death(code: int | None) -> str:

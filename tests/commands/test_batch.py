@@ -55,6 +55,19 @@ def test_a_refined_run_goes_out_too(tmp_path):
     assert [line.split(",")[0] for line in out.splitlines()] == ["t", "0.0", "0.05", "0.1"]
 
 
+def test_a_map_is_made_of_standard_input(tmp_path):
+    deck = (CASES / "pendulum.yaml").read_text()
+    words = ("--set", "solve.duration=0.05", "--step", "0.01", "--methods", "gauss", "--models", "exact")
+    assert call("stability", "-", *words, "--no-plots", "-o", "map", cwd=tmp_path, text=deck)[0] == 0
+
+
+def test_tables_that_are_asked_for_are_told_quietly_too(tmp_path):
+    words = ("modes", "pendulum", "--csv", "--no-plots", "--count", "2", "--force")
+    told = call(*words, cwd=tmp_path)[1]
+    assert len(told.splitlines()) == 3
+    assert call(*words, "-q", cwd=tmp_path) == (0, told, "")
+
+
 @pytest.mark.parametrize("command", ["check", "plan"])
 def test_other_commands_read_standard_input(command, tmp_path):
     deck = (CASES / "pendulum.yaml").read_text()

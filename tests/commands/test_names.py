@@ -134,3 +134,24 @@ def test_an_interruption_while_the_program_is_imported_leaves_no_traceback(here)
         words, capture_output=True, text=True, env=environment, preexec_fn=heed_interruptions
     )
     assert ended.returncode == 130 and ended.stderr == "interrupted\n"
+
+
+STRUCK = """
+import os, signal, sys
+wanted = sys.argv[1]
+class Strike:
+    def find_spec(self, name, path, target=None):
+        if name == wanted:
+            os.kill(os.getpid(), signal.SIGTERM)
+sys.meta_path.insert(0, Strike())
+from hfsim.cli import main
+sys.argv[1:] = ["check", "pendulum"]
+main()
+"""
+
+
+@pytest.mark.parametrize("module", ["hfsim.errors", "hfsim.marching.stop", "hfsim.maths.frozen", "pydantic"])
+def test_a_signal_while_modules_are_imported_ends_the_program_as_any_other(here, module):
+    struck = subprocess.run([sys.executable, "-c", STRUCK, module], capture_output=True, text=True)
+    assert struck.returncode == 143
+    assert "internal error" not in struck.stderr and "Traceback" not in struck.stderr

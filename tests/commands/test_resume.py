@@ -6,7 +6,9 @@ import pytest
 from called import call
 
 from hfsim.marching import record
+from hfsim.output.disk import WriteError
 from hfsim.output.plots import motion
+from hfsim.output.recording import Recording
 
 PLAIN = ("--no-plots", "--no-error-estimate", "--set", "solve.duration=0.1")
 TOO_LONG = ("--set", "solve.method=gauss", "--set", "solve.step=0.5", "--set", "solve.duration=2")
@@ -94,10 +96,47 @@ def test_what_a_signal_has_cost_after_the_end_is_made_by_going_on(here, monkeypa
     assert cut.exit_code == 130
     assert "pendulum: interrupted after its end" in cut.stderr and "--resume goes on" in cut.stderr
     history = (here / "out/history.csv").read_bytes()
+    with monkeypatch.context() as patch:
+        patch.setattr(motion, "animate", struck)
+        patch.setattr(Recording, "block", lambda self, memory: None)  # as where it goes on from its last one
+        assert call(*animated, "--resume").exit_code == 130
     again = call(*animated, "--resume")
     assert again.exit_code == 0 and "going on at row" in again.stderr
     assert (here / "out/plots/motion.gif").exists() and not (here / "out/checkpoint.npz").exists()
     assert (here / "out/history.csv").read_bytes() == history
+
+
+def test_what_a_full_disk_has_cost_after_the_end_is_made_by_going_on(here, monkeypatch):
+    def refuse(*_):
+        raise WriteError("cannot write: no space left")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("hfsim.output.recording.add_extras", refuse)
+        assert run("pendulum").exit_code == 1
+    assert summary()["status"] == "done" and summary()["exit_code"] is None
+    assert "after its end" in summary()["reason"]
+    again = run("pendulum", "--resume")
+    assert again.exit_code == 0 and "left as it is" not in again.stderr
+    assert summary()["exit_code"] == 0 and not summary()["reason"]
+
+
+def test_a_page_that_the_disk_refuses_is_told_in_the_summary(here, monkeypatch):
+    def refuse(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("hfsim.output.page.write_text", refuse)
+    assert run("pendulum", "--report").exit_code == 1
+    assert summary()["exit_code"] == 1 and "report.html" not in summary()["files"]
+    assert run("pendulum", "--resume").exit_code == 1
+
+
+def test_force_replaces_results_whose_summary_is_gone(here):
+    assert run("pendulum").exit_code == 0
+    for spoil in (lambda path: path.unlink(), lambda path: path.write_text("{")):
+        spoil(here / "out/summary.json")
+        assert run("pendulum").exit_code == 2
+        assert run("pendulum", "--force", "--set", "solve.duration=0.05").exit_code == 0
+        assert (here / "out/history.csv").read_text().splitlines()[-1].startswith("0.05,")
 
 
 FEW = ("--set", "solve.max_steps=2", "--set", "solve.step=0.01")

@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+import multiprocessing
 import os
 import pickle
 import random
@@ -10,6 +11,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -482,6 +484,26 @@ def test_from_python(wheel):
     assert again[STIFF].tolist() == found[STIFF].tolist() and again.plan.row(1) == found.plan.row(1)
     told = hfsim.sweep("wheel.yaml", {STIFF: "lin(50, 60, 2)"}, output="written", plots=False)
     assert told["cpu_s"].sum() > 0.0 and len(rows_of("written")) == 2
+
+
+def test_workers_begin_anew_where_other_threads_are_at_work(wheel, monkeypatch):
+    """A fork would keep the locks that these hold closed for ever, as those of modules being imported."""
+    begun, go, kinds, context = threading.Event(), threading.Event(), [], multiprocessing.get_context
+
+    def hold(share):
+        begun.set()
+        go.wait(60.0)
+
+    monkeypatch.setattr(multiprocessing, "get_context", lambda kind: kinds.append(kind) or context(kind))
+    other = threading.Thread(target=hfsim.run, args=("wheel.yaml",), kwargs={"progress": hold})
+    other.start()
+    assert begun.wait(60.0)
+    found = hfsim.sweep("wheel.yaml", {STIFF: [50.0, 100.0]}, ["max(hub.angle)"], jobs=2)
+    go.set()
+    other.join()
+    again = hfsim.sweep("wheel.yaml", {STIFF: [50.0, 100.0]}, ["max(hub.angle)"], jobs=2)
+    assert kinds == ["spawn", "spawn", "fork", "fork"]
+    assert found["max(hub.angle)"].tolist() == again["max(hub.angle)"].tolist()
 
 
 def test_ranges_are_told_of_what_has_one(wheel, monkeypatch):
