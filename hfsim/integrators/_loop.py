@@ -374,7 +374,8 @@ class Stepping:
         problem.counts.rejected += 1
         pace.note(path.t_end, True, not attempt.solved)
         short = h < AHEAD * self._duration
-        looked_at = pace.unsolved >= IN_A_ROW and (short or pace.unsolved == IN_A_ROW)
+        rows, more = divmod(pace.unsolved, IN_A_ROW)
+        looked_at = not more and rows.bit_count() == 1  # ever more seldom: it takes as long as a step
         if looked_at and (cause := self._culprit(h if short else 0.0)) is not None:
             raise cause
         wish = h * min(max(attempt.growth, 0.1), 0.9)

@@ -162,7 +162,7 @@ static int marched(const March *m) {
     for (int at;;) {
         memcpy(m->at[BEFORE], s, sizeof *s); memcpy(m->at[TAKEN_BEFORE], m->at[TAKEN], m->array[TAKEN].len);
         if (attempted(m)) return -1;
-        const double error = s->converged ? (*m->at[ERROR] > r->reach * *m->at[RATE_ERROR] ? *m->at[ERROR] : r->reach * *m->at[RATE_ERROR]) / r->tolerance : 0.0;
+        const double error = s->converged ? (*m->at[ERROR] < r->reach * *m->at[RATE_ERROR] ? r->reach * *m->at[RATE_ERROR] : *m->at[ERROR]) / r->tolerance : 0.0;
         if (s->made == room) return 1;
         if (s->converged && error <= 1.0) {
             if ((at = closed(m)) < 0 || !sound(m, at) || strays(m, at)) return PyErr_Occurred() || part(m, END) ? -1 : 1;

@@ -133,8 +133,15 @@ def agree(
     """
     reach = 0.0 if near is None else None
     for one, other in zip(own, found, strict=True):
-        size, error = _largest(one), _largest(one - other)
-        if not isfinite(size) or error <= max(agreeing * size, ROUNDING * scale):
+        size = _largest(one)
+        if not isfinite(size):
+            there = np.isfinite(one)
+            if (np.isfinite(other) != there).any():
+                raise Refused("other numbers are finite")
+            one, other = one[there], other[there]
+            size = _largest(one)
+        error = _largest(one - other)
+        if error <= max(agreeing * size, ROUNDING * scale):
             continue
         if reach is None and near is not None:
             pairs = zip(own, near(), strict=True)

@@ -109,6 +109,8 @@ class Constraint:
         Whether both points are one; whether the whole turn of the second against the first is the target.
     counts_turns : bool
         Whether the gap, if an angle, goes on beyond half a turn.
+    wraps : bool
+        Whether full turns do not count in what is missing.
     unit, why_kept : str
         Unit of the gap; why equations of this kind need multipliers where `elimination` leaves them.
     """
@@ -121,6 +123,7 @@ class Constraint:
     holds_place: ClassVar[bool] = False
     holds_turn: ClassVar[bool] = False
     counts_turns: ClassVar[bool] = True
+    wraps: ClassVar[bool] = False
     unit: ClassVar[str] = "m"
     why_kept: ClassVar[str] = "its equations are not linear: they change as bodies move"
 
@@ -289,8 +292,14 @@ class RelativeAngle(_Difference):
     """The second frame is turned against the first by an offset plus a law of time, in the plane."""
 
     holds_turn: ClassVar[bool] = True
+    wraps: ClassVar[bool] = True
     unit: ClassVar[str] = "rad"
-    why_kept: ClassVar[str] = "it holds the angle between moving bodies"
+    why_kept: ClassVar[str] = "it holds an angle alone"
+
+    @property
+    def constant(self) -> bool:
+        """Whether both angles are coordinates, but for full turns of what is missing."""
+        return all(self.still) and not self.driven
 
     def _of(self, marker: Marker) -> _Quantity:
         return _Quantity(marker.linear_turn, marker.spin_jacobian, marker.spin_bias, marker.spin_stiffness)
@@ -313,14 +322,25 @@ class Along(Constraint):
     """The distance along a direction fixed to the first body, a unit vector in its frame."""
 
     direction: tuple[float, ...]
-    why_kept: ClassVar[str] = "its axis turns with a body"
+    why_kept: ClassVar[str] = "it holds a distance along an axis"
+
+    @property
+    def still(self) -> tuple[bool, bool]:
+        """Whether the axis stands on the ground and the places are linear functions of the coordinates."""
+        return self.first.grounded, self.first.grounded and self.second.linear
+
+    @property
+    def constant(self) -> bool:
+        """Whether that holds at both ends, at all times."""
+        return all(self.still) and not self.driven
 
     @property
     def products(self) -> tuple[Product, ...]:
         """The axis times the distance, in space."""
         axis = self.first.linear_axis(np.array(self.direction))
         ends = [marker.linear_place for marker in self.ends]
-        if axis is None or ends[0] is None or ends[1] is None or self.driven or self.offset:
+        moves = not (self.constant or self.driven or self.offset)
+        if axis is None or ends[0] is None or ends[1] is None or not moves:
             return ()
         return (Product(axis, ends[1].minus(ends[0])),)
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 
 from hfsim.errors import SolverFailure
-from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.arrays import Array, IntArray, slices
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.mechanics.markers import Marker
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 DIFFERENCE = 3e-4
 """Step of difference quotients, relative to coordinates larger than 1: exact for forces of degree four."""
+AT_ONCE = 500_000
+"""Numbers of a batch of them."""
 
 
 def difference(values: Callable[[Array], Array], at: Array, columns: IntArray) -> Entries:
@@ -40,15 +42,18 @@ def difference(values: Callable[[Array], Array], at: Array, columns: IntArray) -
         (n_batch, n) -> (n_batch, n).
     at : ndarray, shape (1, n)
     columns : ndarray of int
-        The entries; all of their changes are one batch.
+        The entries.
     """
-    count = len(columns)
     step = DIFFERENCE * np.maximum(1.0, np.abs(at[0, columns]))
-    moved = np.repeat(at, 4 * count, axis=0)
-    moved[np.arange(4 * count), np.tile(columns, 4)] += np.outer([-2.0, -1.0, 1.0, 2.0], step).ravel()
-    far, near, nearer, further = values(moved)[:, columns].reshape(4, count, count)
-    slopes = (8.0 * (nearer - near) - (further - far)) / (12.0 * step[:, None])
-    return Entries.of_block(columns, columns, slopes.T)
+    slopes = [np.zeros((0, len(columns)))]
+    for part in slices(len(columns), AT_ONCE // (4 * at.shape[1])):
+        count = len(columns[part])
+        moved = np.repeat(at, 4 * count, axis=0)
+        changes = np.outer([-2.0, -1.0, 1.0, 2.0], step[part]).ravel()
+        moved[np.arange(4 * count), np.tile(columns[part], 4)] += changes
+        far, near, nearer, further = values(moved)[:, columns].reshape(4, count, -1)
+        slopes.append((8.0 * (nearer - near) - (further - far)) / (12.0 * step[part, None]))
+    return Entries.of_block(columns, columns, np.concatenate(slopes).T)
 
 
 @frozen

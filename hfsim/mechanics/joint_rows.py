@@ -11,6 +11,7 @@ import numpy as np
 from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries, Matrix, assemble, is_sparse
+from hfsim.maths.rotations import wrap
 from hfsim.mechanics.constraints import Constraint, End
 from hfsim.mechanics.markers import joint_support
 from hfsim.mechanics.products import Products
@@ -90,6 +91,8 @@ class JointRows:
     def residual(self, t: Array, x: Array) -> Array:
         """Return Phi, shape (n_batch, n_rows)."""
         out = self._constant_product(x) + self._origin_residual
+        if len(self._wrapped):
+            out[:, self._wrapped] = wrap(out[:, self._wrapped])
         for constraint, rows in self._changing:
             out[:, rows] = constraint.residual(t, x)
         if self._products is not None:
@@ -142,6 +145,12 @@ class JointRows:
             if constraint.constant:
                 out[:, rows] = constraint.residual(np.zeros(1), self._origin)
         return out
+
+    @cached_property
+    def _wrapped(self) -> IntArray:
+        """Rows of linear constraints in which full turns do not count."""
+        rows = [np.r_[rows] for c, rows in self._others if c.constant and c.wraps]
+        return np.concatenate([np.zeros(0, dtype=np.intp), *rows])
 
     @cached_property
     def _origin(self) -> Array:

@@ -112,7 +112,8 @@ class Linearized:
     def implicit(self, by_q: complex, by_v: complex = 0.0) -> Matrix:
         """Return M + by_q K + by_v D."""
         matrix = self.mass + by_q * self.stiffness
-        return matrix if self.damping is None or not by_v else matrix + by_v * self.damping
+        none = isinstance(by_v, complex | float) and not by_v  # where it is recorded, it may be anything
+        return matrix if self.damping is None or none else matrix + by_v * self.damping
 
     def solver(self, matrix: Matrix) -> Callable[[Array, Array | None], Array]:
         """Return how a matrix, sparse or dense as those here, answers by motions.

@@ -39,6 +39,11 @@ class Subset(Constraint):
         return self.whole.unit
 
     @property
+    def wraps(self) -> bool:  # type: ignore[override]
+        """As the whole."""
+        return self.whole.wraps
+
+    @property
     def rows(self) -> int:
         """Number of rows kept."""
         return len(self.kept)

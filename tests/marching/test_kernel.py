@@ -33,6 +33,29 @@ def test_forces_and_balances_are_those_of_numpy(name):
     evaluates_alike(scene_of(name))
 
 
+RUBBER = """hfsim: 1
+gravity: [0.0, -9.81]
+materials: {m: {density: 1100.0, youngs_modulus: 5.0e6, bending_damping: 0.01}}
+sections: {s: {shape: circle, radius: 0.012}}
+bodies: {arm: {type: beam, material: m, section: s, length: 0.8, elements: 3}}
+joints: {pin: {type: revolute, between: [ground, arm.root], friction: {torque: 0.3, velocity: 0.01}}}
+solve: {duration: 0.2, tolerance: 1.0e-6}
+"""
+
+
+@pytest.mark.parametrize("method", ["gear", "generalized_alpha"])
+def test_corrections_of_damped_scenes_are_recorded(method, monkeypatch):
+    refused, record = [], Replayed._record
+
+    def noted(self, given):
+        record(self, given)
+        refused.append(self.refused)
+
+    monkeypatch.setattr(Replayed, "_record", noted)
+    run = simulate(parse_deck(RUBBER, overrides=[f"solve.method={method}"]), error_estimate=False)
+    assert run.status == "done" and refused and not any(refused)
+
+
 @pytest.mark.parametrize(
     "name, settings",
     [

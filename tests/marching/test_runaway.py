@@ -71,3 +71,16 @@ def test_a_rod_wound_up_further_than_its_elements_can_follow_ends_the_run(gravit
     assert (run.failure["class"], run.failure["item"]) == ("model", "bodies.rod")
     assert "bodies.rod.elements=4" in run.failure["try"]
     assert max(abs(run["rod.tip.x"])) < 3.0
+
+
+def test_rates_whose_square_is_no_number_end_a_run_as_others_do():
+    law = "{expression: '1e200 * t'}"
+    deck = f"""hfsim: 1
+bodies: {{b: {{type: rigid, mass: 1.0, inertia: 0.1, points: {{a: [-0.5, 0.0]}}}}}}
+joints:
+  j: {{type: revolute, between: [ground, b.a]}}
+  d: {{type: driver, between: [ground, b.a], angle: {law}}}
+solve: {{duration: 0.3}}
+"""
+    run = simulate(parse_deck(deck), error_estimate=False)
+    assert run.status == "failed" and "OverflowError" not in run.reason

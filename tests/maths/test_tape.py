@@ -447,6 +447,21 @@ def test_what_remains_constant_by_mistake_is_noticed(rng):
     assert replayed.refused is not None
 
 
+def test_a_mistake_is_noticed_beside_numbers_that_are_not_finite(rng):
+    kept = np.zeros(5)
+
+    def lost(x):
+        kept[:] = x[0]
+        return np.concatenate([kept * x[1], np.sqrt(x[2, :1])])
+
+    replayed = Replayed(lost)
+    x = np.abs(rng.standard_normal((3, 5)))
+    x[2, 0] = -1.0
+    with np.errstate(invalid="ignore"):
+        np.testing.assert_array_equal(replayed(x), np.concatenate([x[0] * x[1], [np.nan]]))
+    assert replayed.refused is not None
+
+
 def test_a_refused_part_is_done_by_python(rng):
     def part(x, out):
         out += x if x.max() > 0.0 else 2.0 * x

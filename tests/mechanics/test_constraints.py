@@ -16,6 +16,9 @@ from hfsim.parts.joints.fixed import FixedSpec
 from hfsim.parts.joints.motion import MotionSpec
 from hfsim.parts.joints.prismatic import PrismaticSpec
 from hfsim.parts.joints.revolute import RevoluteSpec
+from hfsim.scene.build import build
+from hfsim.scene.loading import parse_deck
+from hfsim.simulate import simulate
 
 SINE = {"type": "sine", "amplitude": 0.4, "frequency": 0.3, "phase": 0.2, "offset": 0.1}
 ENDS = ("ground", "ground")
@@ -273,3 +276,23 @@ def test_what_each_joint_holds():
         DriverSpec(type="driver", between=ENDS, angle={**law, "start": 0.4 + 2 * np.pi}), plate, hub
     )
     assert whole[0].residual(t, x)[0] == pytest.approx([0.0], abs=1e-13)
+
+
+@pytest.mark.parametrize("turn", [0.0, 400.0])
+def test_guides_on_the_ground_are_linear(turn):
+    """A cart on a spring; full turns of its stated angle are none that the guide misses."""
+    deck = parse_deck(f"""hfsim: 1
+bodies: {{cart: {{type: rigid, mass: 2.0, inertia: 0.1}}}}
+joints: {{rail: {{type: prismatic, between: [ground, cart], axis: [3, 4], angle: {turn} deg}}}}
+springs: {{s: {{type: two_point, between: [ground.far, cart], stiffness: 8.0, rest_length: 1.0}}}}
+ground: {{points: {{far: [1.2, 1.6]}}}}
+initial: {{cart: {{position: [0.3, 0.4], angle: {turn - 360.0} deg}}}}
+solve: {{duration: 1.0}}
+output: {{channels: [cart.x, cart.angle]}}
+""")
+    scene = build(deck)
+    assert scene.system.equations.phi.constant and scene.system.equations.n_rows == 2
+    run = simulate(deck, error_estimate=False)
+    assert run["cart.x"] == pytest.approx(0.6 * (1.0 - 0.5 * np.cos(2.0 * run.t)), abs=1e-7)
+    assert run["cart.angle"] == pytest.approx(np.deg2rad(turn - 360.0), abs=1e-12)
+    assert run.statistics["constraint_position"] < 1e-12
