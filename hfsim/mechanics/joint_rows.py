@@ -5,16 +5,57 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from functools import cached_property
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, BoolArray, IntArray
+from hfsim.maths.arrays import Array, BoolArray, IntArray, Places, run_of
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries, Matrix, assemble, is_sparse
 from hfsim.maths.rotations import wrap
-from hfsim.mechanics.constraints import Constraint, End
+from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.markers import joint_support
 from hfsim.mechanics.products import Products
+
+
+class End(NamedTuple):
+    """One end of a constraint: a block of the Jacobian.
+
+    Attributes
+    ----------
+    number : int
+        0 for the first end, 1 for the second.
+    rows : slice
+        Of the constraint in Phi.
+    columns : ndarray of int
+        Coordinates in x that the end depends on.
+    kept, place : slice or ndarray of int
+        Where these stand among the coordinates of the body, and among those at the joints.
+    """
+
+    constraint: Constraint
+    number: int
+    rows: slice
+    columns: IntArray
+    kept: Places
+    place: Places
+
+    @classmethod
+    def of(cls, constraint: Constraint, number: int, rows: slice, support: IntArray) -> End:
+        """Return an end of a constraint, ``support`` being the coordinates at the joints."""
+        marker = constraint.ends[number]
+        kept = run_of(marker.support - marker.columns.start)
+        place = run_of(np.searchsorted(support, marker.support))
+        return cls(constraint, number, rows, marker.support, kept, place)
+
+    @property
+    def still(self) -> bool:
+        """Whether the block never changes."""
+        return self.constraint.still[self.number]
+
+    def jacobian(self, x: Array) -> Array:
+        """Return the block, shape (n_batch or 1, rows, k)."""
+        return self.constraint.jacobian(self.number, x)[..., self.kept]
 
 
 @frozen

@@ -361,7 +361,7 @@ def doubts(scene: Assembled, found: Equilibrium) -> Iterator[str]:
         )
     if len(found.neutral):
         yield one_of_many(scene, found.neutral)
-    if found.limit is not None:
+    if found.limit:  # at none of the loads nothing says that they cannot be put on
         yield (
             f"beyond {found.limit:.4g} of the loads the scene snaps to another place: "
             "hfsim static --path tells what is between"

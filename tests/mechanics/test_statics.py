@@ -720,3 +720,20 @@ def test_joints_that_lose_their_rank_on_the_way_are_told_before_what_else_fails(
     assert "lose their rank" in str(told) and (told.kind, told.item) == ("physical", "joints.foot0")
     begin = replace(found, reason=ENDLESS, lost=problem_of(scene).start)
     assert "rank" not in str(failure_of(scene, 0.0, begin))
+
+
+def test_a_pendulum_that_swings_down_at_the_end_of_a_beam_snaps_to_nothing():
+    """Its loads cannot be put on by and by, from where it points up: nothing says where they could."""
+    deck = parse_deck("""hfsim: 1
+gravity: [0, -9.81]
+materials: {steel: {density: 7800, youngs_modulus: 2.0e11}}
+sections: {s: {shape: rectangle, width: 0.02, height: 0.01}}
+bodies:
+  b: {type: beam, material: steel, section: s, length: 1.0, elements: 4}
+  p: {type: rigid, mass: 0.5, inertia: 0.01, points: {pin: [-0.3, 0]}}
+joints: {c: {type: fixed, between: [ground, b.root]}, h: {type: revolute, between: [b.tip, p.pin]}}
+initial: {p: {angle: 90 deg}}
+solve: {duration: 1.0}
+""")
+    found = hfsim.static(deck)
+    assert found.status == "done" and not any("snaps" in warning for warning in found.statistics["warnings"])

@@ -132,7 +132,7 @@ def test_forces_along_beams_are_those_of_the_channels(series):
             ends = row[f"whip.root.{name}"], row[f"whip.tip.{name}"]
             assert (values[first], values[last]) == pytest.approx(ends, rel=1e-12, abs=1e-12)
             assert not values[:first].any()
-    assert {"torsion_moment", "stress"} <= named.keys()
+    assert "torsion_moment" in named and "stress" not in named  # the section has no shape
     assert abs(row["whip.root.axial_force"]) > 1e-3
 
 

@@ -41,9 +41,12 @@ def stress(body: Body, forces: Array, places: Array) -> Array:
 
 
 def force_columns(body: Body, forces: Array, places: Array, n_dim: int) -> dict[str, Array]:
-    """Return what sections at places with forces (..., n_places, 6) have, by the names of the channels."""
+    """Return what sections at places with forces (..., n_places, 6) have, by the names of the channels.
+
+    Without the stress where that is not known.
+    """
     named = {name: forces[..., k] for k, name in enumerate(_NAMES[n_dim]) if name}
-    return named | {"stress": stress(body, forces, places)}
+    return named if body.fibres(places) is None else named | {"stress": stress(body, forces, places)}
 
 
 def _kind(name: str, column: int) -> ChannelKind:

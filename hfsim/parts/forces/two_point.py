@@ -33,7 +33,7 @@ class TwoPointSpec(SlidingResistanceSpec, CoordinateSpringSpec):
     """Tension at the rest length [N]."""
 
     table: Annotated[tuple[tuple[float, float], ...], table_of("length", "force")] | None = None
-    """Instead of the stiffness: rows [stretch from the rest length, tension], between them monotone cubics,
+    """Instead of stiffness and preload: rows [stretch from the rest length, tension], between them monotone cubics,
     beyond them straight lines [m, N]."""
 
     def build(self, first: Marker, second: Marker, start: Array) -> DistanceTie:
