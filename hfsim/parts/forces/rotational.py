@@ -46,8 +46,8 @@ class RotationalSpec(TurningResistanceSpec, CoordinateSpringSpec):
     """Moment at the rest angle that turns B back against A [N m]."""
 
     table: Annotated[tuple[tuple[float, float], ...], table_of("angle", "moment")] | None = None
-    """Instead of stiffness and preload: rows [angle from the rest angle, moment that turns back], between them
-    monotone cubics, beyond them straight lines [rad, N m]."""
+    """Instead of stiffness and preload: rows [angle from the rest angle, moment that turns back], between
+    them monotone cubics, beyond them straight lines [rad, N m]."""
 
     axis: Axis | None = None
     """Axis in A's frame, in space [-]; [0, 0, 1] without it."""

@@ -33,8 +33,8 @@ class TwoPointSpec(SlidingResistanceSpec, CoordinateSpringSpec):
     """Tension at the rest length [N]."""
 
     table: Annotated[tuple[tuple[float, float], ...], table_of("length", "force")] | None = None
-    """Instead of stiffness and preload: rows [stretch from the rest length, tension], between them monotone cubics,
-    beyond them straight lines [m, N]."""
+    """Instead of stiffness and preload: rows [stretch from the rest length, tension], between them monotone
+    cubics, beyond them straight lines [m, N]."""
 
     def build(self, first: Marker, second: Marker, start: Array) -> DistanceTie:
         """Return the force between two markers of a scene with coordinates (n,) at the start."""
