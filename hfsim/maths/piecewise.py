@@ -9,10 +9,12 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
-from hfsim.maths.traced import outside
+from hfsim.maths.traced import Traced, outside
 
 FEW = 32
 """Pieces up to which all are evaluated and one is taken, which a tape can write down."""
+FEW_NATIVELY = 3000
+"""The same where that is replayed, times places looked up at once: a call of Python takes as long."""
 
 
 @frozen
@@ -44,7 +46,8 @@ class Piecewise:
         """Return the derivative of an order at places of any shape."""
         if order:
             return self.slope(x, order - 1)
-        if len(self.places) > FEW + 1:
+        many = FEW_NATIVELY // max(1, x.size) if isinstance(x, Traced) else 0
+        if len(self.places) > max(FEW, many) + 1:
             return outside(_in_pieces, self.factors, self.places, x)
         x = np.asarray(x)[..., None]
         before, behind = self._ends

@@ -32,10 +32,11 @@ def test_straight_lines_join_points_and_turn_at_none():
 
 
 @native
-@pytest.mark.parametrize("few", [1, 32])
-def test_all_pieces_are_replayed(few, monkeypatch):
+@pytest.mark.parametrize(("few", "natively"), [(1, 0), (1, 3000), (32, 0)])
+def test_all_pieces_are_replayed(few, natively, monkeypatch):
     """Also those in which nothing was when it was recorded."""
     monkeypatch.setattr(piecewise, "FEW", few)
+    monkeypatch.setattr(piecewise, "FEW_NATIVELY", natively)
     own = Piecewise.of(CubicSpline(PLACES, VALUES))
     replayed = Replayed(lambda x: own(x, 1))
     for shift in (0.0, 1.0, 2.0, 9.0):
