@@ -861,11 +861,6 @@ static PyObject *knows(Tape *t, PyObject *a) {
     return PyBool_FromLong(known(t, v.at) || !entries(&v));
 }
 
-static PyObject *reads(Tape *t, PyObject *a) {
-    const Piece *piece = piece_of(t, a);
-    return PyBool_FromLong(piece && piece->read);
-}
-
 static PyObject *waive(Tape *t, PyObject *a) {
     Piece *piece = piece_of(t, a);
     if (piece) piece->flags |= USED;
@@ -916,7 +911,6 @@ static PyMethodDef METHODS[] = {
     {"call", FAST(call), "Write down a call of Python."},
     {"live", FAST(live), "Keep the operations that lead to outputs; the last thing to be asked for."},
     {"knows", (PyCFunction)knows, METH_O, "Return whether an array lies in the memory."},
-    {"reads", (PyCFunction)reads, METH_O, "Return whether a live operation reads an array."},
     {"waive", (PyCFunction)waive, METH_O, "Take note that no operation need read a condition."},
     {"cut", (PyCFunction)cut, METH_NOARGS, "End a program; return the number of operations."},
     {"keep", (PyCFunction)keep, METH_O, "Forget operations but for the first."},

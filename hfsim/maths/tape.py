@@ -117,8 +117,6 @@ class Tape:
         self.core: Any = replay.Tape(Traced, Refused, fixed, (REAL, COMPLEX, TRUTH), self.operations)
         self.knows: Callable[[Any], bool] = self.core.knows
         """Whether an array lies in the memory of the tape."""
-        self.reads: Callable[[Any], bool] = self.core.reads
-        """Whether any program reads an input."""
 
     # ------------------------------------------------------------------ memory
 
