@@ -5,13 +5,14 @@ the ground, is linear in absolute coordinates.  Bodies are taken in from the gro
 the first such joint that leads to it; a joint between two bodies already taken in closes a loop and
 keeps its multipliers.  So do joints whose equations are not linear: angles between moving bodies,
 points between nodes or off the centre of mass, and all of bodies with coordinates in a body frame.
+Guides on the ground leave of the place of a rigid body how far along it is, and nothing of its angle.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -21,8 +22,8 @@ from hfsim.maths.matrices import Entries, assemble
 from hfsim.maths.rotations import rotate
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.chart import side_by_side
-from hfsim.mechanics.constraints import Constraint
-from hfsim.mechanics.increments import Mount, NaturalIncrements, Tie
+from hfsim.mechanics.constraints import Along, Constraint
+from hfsim.mechanics.increments import Mount, NaturalIncrements, Rail, Tie
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.reduction import Reduction
 
@@ -63,7 +64,7 @@ class FreeCoordinates:
 
 
 def eliminate(
-    bodies: Mapping[str, Body], constraints: tuple[Constraint, ...], sparse: bool
+    bodies: Mapping[str, Body], constraints: tuple[Constraint, ...], sparse: bool, x: Array
 ) -> FreeCoordinates:
     """Return the free coordinates of a scene; bodies in body frames keep all of theirs.
 
@@ -71,12 +72,22 @@ def eliminate(
     ----------
     sparse : bool
         Which kind of matrices to use.
+    x : ndarray, shape (n,)
+        A state that fulfils the joints, in which angles have their full turns.
     """
     n = max(body.columns.stop for body in bodies.values())
     work = _Elimination(n)
     owners = {body.columns.start: name for name, body in bodies.items()}
     linear = dict(_between_positions(bodies, constraints, owners))
-    for k, child, parent in _tree(linear, owners):
+    guided = dict[str | None, Body]()
+    for k, body, along in _guides(bodies, constraints, owners):
+        if body.name not in guided:
+            work.guide(k, along)
+            guided[body.name] = body
+    for k, column, missed in _held_angles(guided.values(), constraints, x):
+        if not work.dropped[column]:
+            work.hold(k, column, float(x[column]) - missed)
+    for k, child, parent in _tree(linear, owners, guided):
         body = bodies[str(_owner(child, owners))]
         if _at_coordinates(parent):
             work.attach(k, body, child, parent)
@@ -119,6 +130,24 @@ class _Elimination:
         self.ties.append(Tie(body.position_columns, point, above))
         self.eliminated.add(k)
 
+    def guide(self, k: int, along: Guide) -> None:
+        """Let a place be somewhere on a line of the ground."""
+        tangent = np.array([-along.across[1], along.across[0]])
+        kept, other = along.columns[np.argsort(-np.abs(tangent))]
+        self.factor[along.columns] = tangent
+        self.offset[along.columns] = -along.missed * along.across
+        self.source[other] = kept
+        self.dropped[other], self.natural[other] = True, False
+        point = np.array([kept, other])
+        self.ties.append(Rail(point[None], point, None, float(np.divide(*self.factor[point[::-1]]))))
+        self.eliminated.add(k)
+
+    def hold(self, k: int, column: int, value: float) -> None:
+        """Let a coordinate stay as it is."""
+        self.factor[column], self.offset[column] = 0.0, value
+        self.dropped[column], self.natural[column] = True, False
+        self.eliminated.add(k)
+
     def mount(self, body: Body, child: Marker, parent: Marker, constraints: tuple[Constraint, ...]) -> None:
         """Let natural increments of a beam be relative to the rigid body that carries it."""
         assert child.place_columns is not None and parent.offset is not None
@@ -156,6 +185,53 @@ class _Elimination:
         )
 
 
+class Guide(NamedTuple):
+    """A line of the ground on which a place is: across . place + missed = 0.
+
+    Attributes
+    ----------
+    columns : ndarray of int, shape (2,)
+    across : ndarray, shape (2,)
+        Of length one.
+    missed : float
+    """
+
+    columns: IntArray
+    across: Array
+    missed: float
+
+
+def _guides(
+    bodies: Mapping[str, Body], constraints: tuple[Constraint, ...], owners: Mapping[int, str]
+) -> Iterator[tuple[int, Body, Guide]]:
+    """Yield, with its number, what guides the mass centre of a rigid body on the ground, in the plane."""
+    start = np.zeros((1, max(body.columns.stop for body in bodies.values())))
+    for k, c in enumerate(constraints):
+        if not (isinstance(c, Along) and c.constant and c.second.place_columns is not None):
+            continue
+        body, columns = bodies[owners[c.second.columns.start]], c.second.place_columns
+        if len(columns) == 2 and len(body.position_columns) == 1:
+            across = c.first.axis(start, np.array(c.direction))[0]
+            missed = float(c.residual(np.zeros(1), start)[0, 0])
+            yield k, body, Guide(columns, across, missed)
+
+
+def _held_angles(
+    bodies: Iterable[Body], constraints: tuple[Constraint, ...], x: Array
+) -> Iterator[tuple[int, int, float]]:
+    """Yield, with its number, what holds the angle of some body against the ground, its column, the miss."""
+    columns = {body.columns.start: body.angle_column for body in bodies}
+    for k, c in enumerate(constraints):
+        grounded = [marker.grounded for marker in c.ends]
+        if not (c.holds_turn and c.constant) or sum(grounded) != 1:
+            continue
+        number = grounded.index(False)
+        column = columns.get(c.ends[number].columns.start)
+        if column is not None:
+            missed = float(c.residual(np.zeros(1), x[None])[0, 0])
+            yield k, column, missed if number else -missed
+
+
 def _fixed_slope(child: Marker, parent: Marker, constraints: tuple[Constraint, ...]) -> int | None:
     """Return the column that holds the angle of a beam's slope if a joint fixes it to a rigid body."""
     if child.slope_columns is None:
@@ -188,21 +264,24 @@ def _between_positions(
 
 
 def _tree(
-    constraints: Mapping[int, Constraint], owners: Mapping[int, str]
+    constraints: Mapping[int, Constraint], owners: Mapping[int, str], guided: Collection[str | None]
 ) -> Iterator[tuple[int, Marker, Marker]]:
-    """Yield (constraint, marker of the body taken in, marker it is attached to), from the ground outwards."""
+    """Yield (constraint, marker of the body taken in, marker it is attached to), from the ground outwards.
+
+    Bodies that are guided on the ground are taken in already.
+    """
     meeting: dict[str | None, list[tuple[int, Marker, Marker]]] = {}
     for k, c in constraints.items():
         if c.holds_place:
             for child, parent in ((c.first, c.second), (c.second, c.first)):
                 if child.place_columns is not None and _carries(parent, child):
                     meeting.setdefault(_owner(parent, owners), []).append((k, child, parent))
-    known: set[str | None] = set()
+    known = set[str | None]()
     for start in (GROUND, *owners.values()):
         if start in known:
             continue
-        known.add(start)
-        front = [start]
+        front: list[str | None] = [start] if start is not GROUND else [GROUND, *guided]
+        known.update(front)
         while front:
             for k, child, parent in meeting.get(front.pop(0), []):
                 name = _owner(child, owners)

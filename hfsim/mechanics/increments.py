@@ -172,6 +172,27 @@ class Mount(Tie):
 
 
 @frozen
+class Rail(Tie):
+    """A body that is guided on a line of the ground: one component of its place follows from the other.
+
+    Attributes
+    ----------
+    slope : float
+        Change of the second entry of ``point`` by that of the first.
+    """
+
+    slope: float
+
+    def move(self, x: Array, y: Array, dx: Array, finite: bool) -> None:
+        """Let the second component follow."""
+        dx[:, self.point[1]] = self.slope * dx[:, self.point[0]]
+
+    def take_forces(self, x: Array, f: Array) -> None:
+        """Hand the force on it to the first one."""
+        f[:, self.point[0]] += self.slope * f[:, self.point[1]]
+
+
+@frozen
 class NaturalIncrements:
     """Natural increments of a whole state; coordinates outside the beams stay as they are.
 

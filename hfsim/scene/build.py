@@ -381,7 +381,7 @@ def _system(
     own = (part for body in every for part in body.forces(n))
     needed = (part for part in own if not (part.idle and left_out.fires(part.rule)))
     moving = {name: body for name, body in bodies.items() if not body.still}
-    free = eliminate(moving, () if keeps(deck, "tree_joints") else constraints, sparse)
+    free = eliminate(moving, () if keeps(deck, "tree_joints") else constraints, sparse, x)
     charts = side_by_side(body.chart() for body in every)
     at = partial(find_marker, bodies=bodies, deck=deck, held=True)
     lacking = [body.ballast() for body in every]

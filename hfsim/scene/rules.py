@@ -262,7 +262,7 @@ def welds(deck: Deck, bodies: Iterable[str]) -> frozenset[str]:
 
 @_rule(
     "multipliers and dependent coordinates of open chains",
-    "a joint holds points at nodes or centres of mass and closes no loop",
+    "a joint holds points at nodes or centres of mass, or guides one of these, and closes no loop",
     "what is left fulfils the joint for all values: a pinned root has no place of its own",
     _settled_joints,
 )

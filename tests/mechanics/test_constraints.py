@@ -290,8 +290,9 @@ initial: {{cart: {{position: [0.3, 0.4], angle: {turn - 360.0} deg}}}}
 solve: {{duration: 1.0}}
 output: {{channels: [cart.x, cart.angle]}}
 """)
-    scene = build(deck)
-    assert scene.system.equations.phi.constant and scene.system.equations.n_rows == 2
+    scene, whole = build(deck), build(deck.with_solve({"keep_all": True}))
+    assert whole.system.equations.phi.constant and whole.system.equations.n_rows == 2
+    assert (scene.system.n, scene.system.equations.n_rows) == (1, 0)
     run = simulate(deck, error_estimate=False)
     assert run["cart.x"] == pytest.approx(0.6 * (1.0 - 0.5 * np.cos(2.0 * run.t)), abs=1e-7)
     assert run["cart.angle"] == pytest.approx(np.deg2rad(turn - 360.0), abs=1e-12)

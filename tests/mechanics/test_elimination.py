@@ -59,6 +59,19 @@ joints:
   axle: {type: revolute, between: [ground, hub]}
   hinge: {type: revolute, between: [hub.rim, b1.root]}
 """,
+    "on a rail": """
+joints:
+  rail: {type: prismatic, between: [ground, hub], axis: [-1, 3], angle: 0.3}
+  hinge: {type: revolute, between: [hub, b1.root]}
+  elbow: {type: revolute, between: [b1.tip, b2.root]}
+initial: {hub: {angle: 0.3}}
+""",
+    "on the rim of what slides": """
+joints:
+  rail: {type: prismatic, between: [ground, hub], axis: [0, 1]}
+  mount: {type: fixed, between: [hub.rim, b1.root]}
+  hinge: {type: revolute, between: [b1.tip, b2.root]}
+""",
     "loop": """
 joints:
   a: {type: revolute, between: [ground, b1.root]}
@@ -81,6 +94,8 @@ MULTIPLIERS = {
     "clamped": 1,
     "hub": 3,
     "hinged on the hub": 2,
+    "on a rail": 0,
+    "on the rim of what slides": 3,
     "loop": 2,
     "led by sections": 10,
 }

@@ -264,6 +264,8 @@ def test_the_measured_call_is_shorter_with_all_rules():
 class OnLine(Along):
     """A kind of constraint that no other module knows."""
 
+    constant = False
+
 
 class HeldOnLine:
     def between(self, first, second):
