@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from math import inf
 from threading import get_ident
 from typing import Any, TypeVar
 
@@ -11,6 +12,7 @@ from hfsim.integrators._memory import Remembering
 from hfsim.maths import kernel
 from hfsim.maths.replayed import UNREADABLE, Replayed
 from hfsim.maths.traced import Recording
+from hfsim.mechanics.many_forces import SLOPES
 
 MOST = 1000
 """Coordinates up to which calls cost so much that replaying pays."""
@@ -22,15 +24,20 @@ SEEN = 2
 """Calls of a function after which it may be recorded."""
 MANY = 10
 """Calls to come from which recording a function, which takes as long as three to eight of them, pays."""
+SLOPES_FROM = 4
+"""The same of slopes of many forces, which takes as long as two of them at any size."""
 LARGE = 100
 """Coordinates from which more must be to come: a recording takes ever more of them."""
 
 _Found = TypeVar("_Found")
 
 
-def _many(n: int) -> float:
-    """Return the number of calls beyond which a recording pays, with so many coordinates."""
-    return MANY * max(1.0, (n / LARGE) ** 2)
+def _many(n: int, many_forces: bool = False) -> float:
+    """Return the number of calls beyond which a recording pays, with so many coordinates.
+
+    Of many small forces calls of Python take most of the time, however many coordinates there are.
+    """
+    return MANY * max(1.0, n / LARGE) ** (1 if many_forces else 2)
 
 
 class Recordings(dict[int, dict[Any, Any]]):
@@ -83,13 +90,20 @@ class Often(Remembering):
         Times between which a run is to be made.
     n : int
         Number of coordinates.
+    many_forces : bool
+        Whether there are many forces, each computed by itself.
     """
 
     def __init__(
-        self, recordings: Recordings | None = None, start: float = 0.0, end: float = 0.0, n: int = 0
+        self,
+        recordings: Recordings | None = None,
+        start: float = 0.0,
+        end: float = 0.0,
+        n: int = 0,
+        many_forces: bool = False,
     ) -> None:
         self._start, self._end = start, end
-        self._many = _many(n)
+        self._many = _many(n, many_forces) if n <= MOST or many_forces else inf
         self._wanted = recordings is not None and kernel.KERNEL == "native"
         self._recordings = Recordings() if recordings is None else recordings
         self._steps = 0
@@ -124,13 +138,16 @@ class Often(Remembering):
         self._asked = {**self._asked, kind: self._asked.get(kind, 0) + 1}
         return False
 
+    def _pays(self, kind: str, calls: float) -> bool:
+        return calls > (SLOPES_FROM if kind.startswith(SLOPES) else self._many)
+
     def rest(self, t: float) -> float:
         """Return how long the run goes on from a time [s]."""
         return self._end - t
 
     def need(self, kind: str, calls: float) -> None:
         """Replay from now on what is to be called so often, if that pays."""
-        if kind not in self.chosen and calls > self._many:
+        if kind not in self.chosen and self._pays(kind, calls):
             self.take(kind)
 
     def take(self, *kinds: str) -> None:
@@ -153,7 +170,8 @@ class Often(Remembering):
             return
         # at the pace of the whole run, or at that of its last step if that is longer
         share = (self._end - t) / max(t - self._start, h * self._steps)
-        many = [kind for kind, asked in self._asked.items() if asked > SEEN and asked * share > self._many]
+        seen = ((kind, asked) for kind, asked in self._asked.items() if asked > SEEN)
+        many = [kind for kind, asked in seen if self._pays(kind, asked * share)]
         if many:
             self.take(*many)
             self._asked = {kind: asked for kind, asked in self._asked.items() if kind not in many}

@@ -10,7 +10,7 @@ import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.integrators._memory import Remembering
-from hfsim.integrators._often import MOST, Often, Recordings
+from hfsim.integrators._often import Often, Recordings
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen, mutable
 from hfsim.mechanics.counting import Turns
@@ -139,6 +139,8 @@ class Problem:
         Whether, besides, joints are linear in them and the potential is a polynomial of degree four at most.
     rigid_tree : bool
         Whether bodies are rigid and joints close no loops, whose equations may lose their rank.
+    many_forces : bool
+        Whether forces are so many that calls of Python take most of the time.
     breaks : ndarray
         Times at which a step has to end, sorted [s]: between them no law of time hides anything from a method
         that looks at the ends of its steps alone, save those that repeat themselves.
@@ -172,6 +174,7 @@ class Problem:
     constant_mass: bool = True
     quartic: bool = False
     rigid_tree: bool = False
+    many_forces: bool = False
     breaks: Array = field(default_factory=lambda: np.zeros(0))
     period: float = np.inf
     turns: Turns = field(default_factory=Turns)
@@ -198,7 +201,7 @@ class Problem:
 
     def count_on(self, n: int, start: float, end: float) -> None:
         """Begin to count, in a run of n coordinates between these times, what is called often."""
-        self.often = Often(self.recordings if n <= MOST else None, start, end, n)
+        self.often = Often(self.recordings, start, end, n, self.many_forces)
 
     def apart(self) -> Problem:
         """Return the same equations, evaluated in NumPy alone, with counts of their own."""

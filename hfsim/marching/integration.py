@@ -18,6 +18,7 @@ from hfsim.marching.stop import SHIELD, Progress, TimeUp
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.counting import Turns
 from hfsim.mechanics.edges import Edges
+from hfsim.mechanics.many_forces import MANY
 from hfsim.mechanics.projection import Projection, Weakly
 from hfsim.mechanics.strained import Strains
 from hfsim.mechanics.system import System
@@ -179,7 +180,6 @@ def problem_of(scene: Scene) -> Problem:
         positive=None if system.variable_mass else system.reduction.stretches,
         breakdown=system.breakdown,
         culprit=partial(_culprit, scene),
-        linearized=system.linearized if system.linearizes else None,
         increments=system.natural or PlainIncrements(),
         slopes=_slopes(scene),
         imbalance=system.imbalance if system.balances else None,
@@ -187,12 +187,15 @@ def problem_of(scene: Scene) -> Problem:
         constant_mass=not system.charts and not system.variable_mass,
         quartic=system.quartic,
         rigid_tree=rigid_tree(scene.deck),
+        many_forces=len(system.forces) >= MANY,
         breaks=system.breaks(scene.deck.solve.duration),
         period=system.period,
         recordings=scene.recordings,
         recharted=partial(_recharted, system) if any(chart.several for chart in system.charts) else None,
     )
     through = Weakly(problem.through)
+    if system.linearizes:
+        problem.linearized = partial(system.linearized, through=through)
     problem.turns, problem.edges = Turns(system, through), Edges(system, through)
     if system.equations.constraints:
         problem.project = Projection(system, through)

@@ -25,6 +25,7 @@ from hfsim.mechanics.equations import Equations, VariableMass
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.increments import NaturalIncrements
 from hfsim.mechanics.linearized import Linearized
+from hfsim.mechanics.many_forces import ManyForces
 from hfsim.mechanics.projection import Projection, Through, directly
 from hfsim.mechanics.reduction import Reduction
 from hfsim.mechanics.subset import parted
@@ -283,20 +284,28 @@ class System:
         constant = self.linearizes and self.equations.phi.constant
         return constant and all(part.quartic for part in self.forces)
 
-    def linearized(self, t: float, q: Array, v: Array) -> Linearized:
-        """Return the equations of motion linearised at a state (n,)."""
+    def linearized(self, t: float, q: Array, v: Array, through: Through = directly) -> Linearized:
+        """Return the equations of motion linearised at a state (n,), through what may replay slopes."""
         time, x, u = np.array([t]), self.absolute(q[None]), self.absolute_velocity(q[None], v[None])
         equations, reduction = self.equations, self.reduction
-        stiff = [part.tangent(time, x, u) for part in self.forces if not part.of_strain_rates]
+        stiff = self._conserving.tangents(time, x, u, through)
         if not equations.phi.constant:
             multipliers = equations.solve(time, x, u, self.force(time, x, u))[1]
             stiff += equations.phi.stiffness(x, multipliers)
         damping = None
         if self.dissipates:
-            damping = self._free_matrix([part.rate_tangent(time, x, u) for part in self.forces])
+            damping = self._free_matrix(self._every.rate_tangents(time, x, u, through))
         jacobian = equations.phi.jacobian_at(x) @ reduction.basis if equations.constraints else None
         metric, root = equations.metric(jacobian)
         return Linearized(equations.free_mass, self._free_matrix(stiff), damping, jacobian, root, metric)
+
+    @cached_property
+    def _conserving(self) -> ManyForces:
+        return ManyForces([part for part in self.forces if not part.of_strain_rates])
+
+    @cached_property
+    def _every(self) -> ManyForces:
+        return ManyForces(self.forces)
 
     def _free_matrix(self, parts: list[Entries]) -> Matrix:
         whole = assemble(parts, (self.n_x, self.n_x), is_sparse(self.equations.constant_mass))
