@@ -13,14 +13,14 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import Matrix, dense
+from hfsim.maths.matrices import Matrix, dense, skewness
 
 EPS = float(np.finfo(float).eps)
 SMALL = 200
 """Coordinates up to which all eigenvalues are computed."""
 _EQUILIBRATIONS = 4
-_SAME = 1e-11
-"""Asymmetry, over the largest entry, that is rounding."""
+_SAME = 1e-9
+"""Skewness that is rounding."""
 _NONE = 1e-9
 """Squares of frequencies, over what the largest entries make, that are none."""
 
@@ -75,8 +75,9 @@ class Pencil:
     def symmetric(self) -> bool:
         """Whether nothing depends on velocities and the stiffness is symmetric."""
         K = self.stiffness
-        limit = max(_SAME, 30.0 * self.precision) * abs(K).max()
-        return self.resting and bool(abs(K - K.T).max() <= limit)
+        if self.precision > EPS:  # by differences
+            return self.resting and bool(abs(K - K.T).max() <= 30.0 * self.precision * abs(K).max())
+        return self.resting and skewness(K) <= _SAME
 
     @cached_property
     def matrices(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:

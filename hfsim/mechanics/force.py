@@ -25,16 +25,16 @@ from hfsim.mechanics.turns import TurnCount
 if TYPE_CHECKING:
     from hfsim.deck.laws import Law
 
-DIFFERENCE = 3e-4
-"""Step of difference quotients, relative to coordinates larger than 1: exact for forces of degree four."""
+DIFFERENCE = 1e-7
+"""Step of one-sided difference quotients, relative to coordinates larger than 1."""
+FINE = 3e-4
+"""The same of those of fourth order, which are exact for forces of degree four."""
 AT_ONCE = 500_000
-"""Numbers of a batch of them."""
+"""Numbers of a batch of these."""
 
 
-def difference(values: Callable[[Array], Array], at: Array, columns: IntArray) -> Entries:
-    """Return the derivative of some entries of a vector by the same entries of its argument.
-
-    By differences of fourth order: those of first order lose what holds a stiff body softly.
+def difference(values: Callable[[Array], Array], at: Array, columns: IntArray, fine: bool = False) -> Entries:
+    """Return the derivative of some entries of a vector by the same entries of its argument, by differences.
 
     Parameters
     ----------
@@ -43,8 +43,22 @@ def difference(values: Callable[[Array], Array], at: Array, columns: IntArray) -
     at : ndarray, shape (1, n)
     columns : ndarray of int
         The entries.
+    fine : bool
+        Whether differences are of fourth order, whose steps are longer than small elements: for stiff forces
+        that are a polynomial of places, of which one-sided ones lose what holds a body softly.
     """
+    if fine:
+        return _finely(values, at, columns)
+    count = len(columns)
     step = DIFFERENCE * np.maximum(1.0, np.abs(at[0, columns]))
+    moved = np.repeat(at, count + 1, axis=0)
+    moved[np.arange(count), columns] += step
+    found = values(moved)[:, columns]
+    return Entries.of_block(columns, columns, ((found[:-1] - found[-1]) / step[:, None]).T)
+
+
+def _finely(values: Callable[[Array], Array], at: Array, columns: IntArray) -> Entries:
+    step = FINE * np.maximum(1.0, np.abs(at[0, columns]))
     slopes = [np.zeros((0, len(columns)))]
     for part in slices(len(columns), AT_ONCE // (4 * at.shape[1])):
         count = len(columns[part])
@@ -75,6 +89,9 @@ class ForcePart:
     """What it is, in the words of plans."""
     why: ClassVar[str] = "it acts"
     """Why it is there where it is not idle, in the words of plans."""
+
+    stiff: ClassVar[bool] = True
+    """Whether it may be large beside what holds bodies: its derivative is taken by fine differences then."""
 
     of_strain_rates: ClassVar[bool] = False
     """Whether it resists rates of strains alone.  Its derivative by x is then that of axes which turn with
@@ -208,7 +225,7 @@ class ForcePart:
 
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of the force by x in one state, (1,) and (1, n); by differences."""
-        return difference(lambda moved: self._resistance(t, moved, u), x, self.support)
+        return difference(lambda moved: self._resistance(t, moved, u), x, self.support, self.stiff)
 
     def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of the force by u in one state."""

@@ -29,6 +29,7 @@ class Load(ForcePart):
 
     law: Law | None
     exchanges_power: ClassVar[bool] = True
+    stiff: ClassVar[bool] = False
 
     @property
     def columns(self) -> slice:

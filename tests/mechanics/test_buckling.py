@@ -387,3 +387,45 @@ def test_a_shaft_gives_way_after_two_turns():
     found = critical_factors(problem_of(build(parse_deck(SHAFT))), Effort(), 1)
     assert found[0].found
     assert found[0].load == pytest.approx(2.0 * half * 7.0e10 * np.pi * 0.01**4 / 64.0, rel=1e-3)
+
+
+SMALL = """hfsim: 1
+gravity: [0, 0]
+parameters: {{L: {length}, h: "${{L / {slenderness}}}"}}
+materials: {{m: {{density: 1000.0, youngs_modulus: 1.0e+9}}}}
+sections: {{s: {{shape: rectangle, width: "${{h}}", height: "${{h}}"}}}}
+bodies: {{b: {{type: beam, element: {element}, material: m, section: s, length: "${{L}}", elements: 6}}}}
+joints: {{c: {{type: fixed, between: [ground, b.root]}}}}
+loads: {{p: {load}}}
+solve: {{duration: 1.0}}
+"""
+DEAD = 'type: force, at: b.tip, force: ["${-1e9 * h**4 / 12 / L**2}", 0]'
+FOLLOWING = 'type: distributed, on: b, force: ["${-LOADe9 * h**4 / 12 / L**3}", 0], follower: true'
+
+
+@pytest.mark.parametrize("length", [1e2, 1.0, 1e-3, 1e-4])
+@pytest.mark.parametrize("element", ["cosserat", "cable"])
+def test_critical_factors_do_not_hang_on_the_unit_of_length(length, element):
+    deck = SMALL.format(length=length, slenderness=100, element=element, load="{" + DEAD + "}")
+    found = critical_factors(problem_of(build(parse_deck(deck))), Effort(), 2)
+    assert [one.load for one in found] == pytest.approx([EULER, 9.0 * EULER], rel=2e-3)
+    assert all(one.found for one in found)
+
+
+@pytest.mark.parametrize("length", [1.0, 1e-2, 1e-4])
+def test_followers_turn_stiffness_alike_at_any_size(length):
+    """Leipholz's column under 30 of the 40.05 E I / L^2 at which it flutters."""
+    load = "{" + FOLLOWING.replace("LOAD", "30") + "}"
+    deck = SMALL.format(length=length, slenderness=100, element="cable", load=load)
+    found = hfsim.modes(parse_deck(deck), about="equilibrium", count=1)
+    size = 1e9 * (length / 100.0) ** 2 / 12.0 / 1000.0 / length**4
+    assert (2.0 * np.pi * found.frequencies[0]) ** 2 / size == pytest.approx(44.0712, rel=3e-4)
+
+
+@pytest.mark.parametrize(("load", "stable"), [("30", True), ("45", False)])
+@pytest.mark.parametrize(("length", "slenderness"), [(1.0, 10000), (1e-3, 400)])
+def test_flutter_is_told_of_what_is_slender_or_small(load, stable, length, slenderness):
+    """Stretching is 1e9 times as stiff as bending, beside which loads that follow seem to be rounding."""
+    load = "{" + FOLLOWING.replace("LOAD", load) + "}"
+    deck = SMALL.format(length=length, slenderness=slenderness, element="cosserat", load=load)
+    assert hfsim.static(parse_deck(deck)).statistics["stable"] == stable

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.matrices import Matrix, dense, is_sparse
+from hfsim.maths.matrices import Matrix, dense, is_sparse, skewness
 from hfsim.maths.pencils import EPS
 from hfsim.mechanics.small_motions import BY_DIFFERENCES
 from hfsim.mechanics.statics.newton import (
@@ -48,8 +48,8 @@ AHEAD = 1e-2
 """The same, beyond which a factor runs ahead of any load, and the distance at which it is looked for else."""
 REAL = 1e-6
 """Imaginary part of an eigenvalue, relative to its size, up to which it is real."""
-NOISE = 1e2
-"""Skew parts of changes of the stiffness, over what rounding does to their entries, that are rounding."""
+NOISE = 1e4
+"""Skewness of changes of the stiffness, over that which rounding makes, that is rounding."""
 SPANNED = 1e-6
 """Part of motions beyond others, relative to the largest, from which it is a motion of its own."""
 ROUNDING = 1e-15
@@ -258,15 +258,14 @@ def _eigenpairs(
     change = (high.stiffness - low.stiffness) / (2.0 * step)
     if is_sparse(tangent.stiffness):
         values, motions = _sparse(tangent, change, count)
-        basis = _spanned(motions)
+        basis = _spanned(motions, _scale(tangent.stiffness))
     else:
-        basis = _allowed(dense(tangent.jacobian), len(tangent.stiffness))
+        basis = _allowed(dense(tangent.jacobian), _scale(tangent.stiffness))
         values, motions = _projected(basis, tangent.stiffness, change)
     kept = (np.abs(values.imag) <= REAL * np.abs(values)) & (np.abs(values) > 0.0)
     factors, motions = 1.0 / values.real[kept], motions[kept].real
     precision = BY_DIFFERENCES if problem.system.variable_mass else EPS
-    noise = NOISE * precision * abs(tangent.stiffness).max() / step
-    if abs(change - change.T).max() <= noise:
+    if skewness(change, tangent.stiffness) <= NOISE * precision / step:
         factors, motions = _symmetric(basis, tangent.stiffness, change, load) or (factors, motions)
     if count:
         factors, motions = factors[factors > 0.0], motions[factors > 0.0]
@@ -274,16 +273,25 @@ def _eigenpairs(
     return [(float(factors[k]), motions[k]) for k in order]
 
 
-def _allowed(J: Array, n: int) -> Array:
+def _scale(K: Matrix) -> Array:
+    """Return changes of the coordinates that meet the same stiffness each, (n,): no unit counts in these."""
+    stiff = np.abs(K.diagonal())
+    return np.asarray(1.0 / np.sqrt(np.where(stiff > EPS * stiff.max(), stiff, stiff.max())))
+
+
+def _allowed(J: Array, scale: Array) -> Array:
     """Return a basis of the motions that joints allow, (n, k)."""
-    return np.linalg.qr(J.T, mode="complete")[0][:, len(J) :] if len(J) else np.eye(n)
+    if not len(J):
+        return np.diag(scale)
+    return np.asarray(scale[:, None] * np.linalg.qr((J * scale).T, mode="complete")[0][:, len(J) :])
 
 
-def _spanned(motions: Array) -> Array:
+def _spanned(motions: Array, scale: Array) -> Array:
     """Return a basis of what complex motions, as rows, span together, (n, k)."""
+    motions = motions / scale
     parts = np.concatenate([motions.real, motions.imag])
     left, sizes, _ = np.linalg.svd((parts / np.linalg.norm(motions, axis=1).max()).T, full_matrices=False)
-    return np.asarray(left[:, sizes > SPANNED])
+    return np.asarray(scale[:, None] * left[:, sizes > SPANNED])
 
 
 def _projected(Z: Array, K: Matrix, change: Matrix) -> tuple[Array, Array]:

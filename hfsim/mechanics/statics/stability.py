@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hfsim.maths.arrays import Array, random_signs
-from hfsim.maths.matrices import Matrix, dense
+from hfsim.maths.matrices import Matrix, dense, skewness
 from hfsim.maths.pencils import EPS, Pencil
 from hfsim.maths.rank import null_space
 from hfsim.maths.squares import slowest_squares
@@ -125,7 +125,7 @@ def lowest(problem: Problem, state: State, load: float) -> tuple[Array, Array]:
     """
     here, system = problem.at(state), problem.system
     K, J = problem.tangent(here, load)
-    K = _symmetric(K)
+    K = _symmetric(K, bool(system.variable_mass))
     J = J[np.flatnonzero(np.asarray(abs(J).sum(axis=1)).ravel())]  # of the others nothing can move
     M, precision, blur = mass_at(problem, state), EPS, None
     if system.variable_mass:
@@ -134,15 +134,16 @@ def lowest(problem: Problem, state: State, load: float) -> tuple[Array, Array]:
             M = system.reduction.reduced(problem.gauge.metric)
     else:
         beside = here._replace(z=here.z * (1.0 + EPS * random_signs(here.z.shape)))
-        blur = abs(_symmetric(problem.tangent(beside, load).stiffness) - K)
+        blur = abs(_symmetric(problem.tangent(beside, load).stiffness, False) - K)
         blur = blur + rounding_of_joints(system, problem.expand(here.z), here.multipliers)
     values, motions = slowest_squares(Pencil(M, 0.0 * M, K, J, precision, 0.0, blur), NEAREST)
     return values, motions.T
 
 
-def _symmetric(K: Matrix) -> Matrix:
+def _symmetric(K: Matrix, by_differences: bool) -> Matrix:
     """Return a stiffness without what is skew by rounding."""
-    return 0.5 * (K + K.T) if abs(K - K.T).max() <= ASKEW * abs(K).max() else K
+    skew = float(abs(K - K.T).max() / abs(K).max()) if by_differences else skewness(K)
+    return 0.5 * (K + K.T) if skew <= ASKEW else K
 
 
 def _positive(M: Matrix, J: Matrix) -> bool:

@@ -269,5 +269,5 @@ class StrainedLinearForce(ForcePart):
         """
         held = self if self.given is not None else self.strained(self.strain(x))
         B = self._slopes(x)
-        geometric = difference(lambda moved: held._resistance(t, moved, u), x, self.support)
+        geometric = difference(lambda moved: held._resistance(t, moved, u), x, self.support, fine=True)
         return geometric._replace(values=geometric.values + (B.T @ (self.sizes[:, None] * B)).ravel())

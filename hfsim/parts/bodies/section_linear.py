@@ -220,5 +220,5 @@ class LinearSectionForce(LinearElasticForce):
         held = self if self.given is not None else self.strained(self.strain(x))
         B = self._slopes(x)
         material = B.T @ (self.strain_stiffness[:, None] * B)
-        geometric = difference(lambda moved: held._resistance(t, moved, u), x, self.support)
+        geometric = difference(lambda moved: held._resistance(t, moved, u), x, self.support, fine=True)
         return geometric._replace(values=geometric.values + material.ravel())
