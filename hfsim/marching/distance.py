@@ -26,6 +26,10 @@ SMALL = 1e-3
 STILL = 1e-8
 """Range of a channel, relative to the size of its unit in the scene, from which it stands still."""
 
+STRETCHED = 1e-4
+"""Strain of a beam by which forces in it are measured."""
+_ALONG = np.linspace(0.0, 1.0, 9)
+
 _TINY = 1e-12
 """Smallest scale of any channel, in its unit: nothing is divided by zero."""
 
@@ -154,7 +158,10 @@ def decisive(scales: Sequence[ChannelScale], named: Collection[str] = ()) -> tup
 
 
 def channel_scales(
-    channels: Sequence[Channel], outlines: Mapping[str, Array] | None = None, conserved: bool = False
+    channels: Sequence[Channel],
+    outlines: Mapping[str, Array] | None = None,
+    conserved: bool = False,
+    small: float = SMALL,
 ) -> tuple[ChannelScale, ...]:
     """Return what distances from each channel of a reference are judged against.
 
@@ -166,6 +173,8 @@ def channel_scales(
         Of its bodies [m]; without it, the channels alone tell how large things are.
     conserved : bool
         Whether the total energy is conserved: it has no range to be judged by then.
+    small : float
+        Range, relative to the size of its unit, below which a channel is judged by `SMALL` times that size.
 
     Returns
     -------
@@ -184,9 +193,10 @@ def channel_scales(
 
     def scale_of(channel: Channel) -> ChannelScale:
         unit, own = channel.unit, span(channel.values)
-        floor = max(SMALL * max(sizes.get(unit, 0.0), natural.get(unit, 0.0)), _TINY)
-        judged = is_judged(channel.name, conserved)
-        return ChannelScale(channel.name, unit, own, max(own, floor), own < floor, judged)
+        size = max(sizes.get(unit, 0.0), natural.get(unit, 0.0))
+        too_small = own < max(small * size, _TINY)
+        scale = max(own, SMALL * size, _TINY) if too_small else own
+        return ChannelScale(channel.name, unit, own, scale, too_small, is_judged(channel.name, conserved))
 
     return tuple(map(scale_of, channels))
 
@@ -200,12 +210,18 @@ def reference_scales(samples: Samples, channels: Sequence[Channel]) -> tuple[Cha
 
 
 def scene_sizes(scene: Scene) -> dict[str, float]:
-    """Return by unit how large motions in a scene are, by its bodies at the start and its duration."""
+    """Return by unit how large motions in a scene are, by its bodies at the start and its duration.
+
+    Forces are measured by what stretches a beam by `STRETCHED`: smaller ones by far are its rounding.
+    """
     x = scene.system.absolute(scene.q[None])
     points = [outline[0] for body in scene.bodies.values() if (outline := body.outline(x)).size]
     length = max((float(np.ptp(one, axis=0).max()) for one in points), default=0.0)
     rate = 1.0 / scene.deck.solve.duration
-    return {**_NATURAL, "m": length, "m/s": length * rate, "rad/s": rate}
+    names = scene.deck.models(scene.model)
+    stiff = (scene.deck.section_properties(name).at(_ALONG).axial_stiffness for name in names)
+    force = STRETCHED * max((float(np.max(one)) for one in stiff), default=0.0)
+    return {**_NATURAL, "m": length, "m/s": length * rate, "rad/s": rate, "N": force, "N m": force * length}
 
 
 def error_scales(
@@ -217,9 +233,12 @@ def error_scales(
 
     Examples
     --------
+    >>> y = Channel("b1.tip.y", "m", np.array([0.0, 1.0]))
     >>> x = Channel("b1.tip.x", "m", np.array([0.0, 1e-9]))
     >>> [error_scales((x,), (x,), sizes)[0].scale for sizes in ({}, {"m": 2.0})]
     [1e-09, 0.002]
+    >>> [one.scale for one in error_scales((x, y), (x, y))]
+    [0.001, 1.0]
     """
     mine, truth, known = _shared(channels, reference), _shared(reference, channels), sizes or {}
 
@@ -229,7 +248,7 @@ def error_scales(
             return one
         return one._replace(scale=max(one.scale, SMALL * size), small=True)
 
-    return tuple(map(judged, channel_scales(truth, conserved=True), mine))
+    return tuple(map(judged, channel_scales(truth, conserved=True, small=STILL), mine))
 
 
 # --- distances -----------------------------------------------------------------------------------
