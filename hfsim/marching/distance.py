@@ -1,8 +1,9 @@
 """How far apart the channels of two runs are, and which of them count.
 
 A distance is judged relative to the reference channel's own range.  A range that is tiny against the scene
-(a deflection of micrometres on a beam of metres) would make round-off look like an error, so what distances
-are divided by never falls below `SMALL` times the size of all channels with its unit.
+(a deflection of micrometres on a beam of metres) tells models apart that differ in nothing of use, so what
+distances are divided by never falls below `SMALL` times the size of all channels with its unit.  Errors are
+relative to ranges however small, but for what stands still.
 
 Nothing is solved here.
 """
