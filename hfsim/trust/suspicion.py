@@ -25,6 +25,8 @@ from hfsim.trust.growth import Growth, amplitude_of, disturbed_growth, loaded_it
 
 LOOKED_AT, NEAREST = (60, 300), 4
 """Times at which singular positions are looked for, and how many of the nearest are looked at closely."""
+TIGHT = 1e-10
+"""Tolerance that is proposed where nothing else is known to help."""
 REDUNDANT = 1e-6
 """Smallest singular value of the joint equations below which joints are all but redundant."""
 
@@ -87,7 +89,9 @@ def _suspicious_balance(trial: Experiments, drift: float) -> SolverFailure | Non
         return failure(reason, item, "model", remedy, term="inertia forces of third order")
     if (passed := singular_position(scene, trial.done.trajectory)) is not None:
         return _led_over(trial, drift, *passed)
-    remedy = command(scene.loaded, {"solve.tolerance": 1e-10}, force=True)
+    remedy = "a finer mesh, or a look at what the motion does there: no tolerance is known to keep it"
+    if solve.step is None and solve.tolerance > TIGHT and not scene.loaded.has_target:
+        remedy = command(scene.loaded, {"solve.tolerance": TIGHT}, force=True)
     return failure(", and no experiment kept it in the time allowed", "solve", "numerical", remedy)
 
 
