@@ -74,8 +74,12 @@ def eigenpairs(pencil: Pencil, count: int) -> Eigenpairs:
         nothing = np.zeros(0)
         return Eigenpairs(nothing + 0j, np.zeros((pencil.n, 0), complex), nothing, nothing > 0.0, True)
     found = _of_squares(pencil, count) if pencil.resting else _of_rates(pencil, count)
+    return _sorted(_surely(pencil, _sorted(found), count))
+
+
+def _sorted(found: Eigenpairs) -> Eigenpairs:
     sizes = np.round(np.log(np.abs(found.values) + np.finfo(float).tiny), 9)
-    return _surely(pencil, found.part(np.lexsort((-found.values.real, found.values.imag, sizes))), count)
+    return found.part(np.lexsort((-found.values.real, found.values.imag, sizes)))
 
 
 # --- squares: nothing depends on velocities ------------------------------------------------------------
@@ -222,7 +226,14 @@ def _surely(pencil: Pencil, found: Eigenpairs, count: int) -> Eigenpairs:
     real = np.where(np.abs(values.real) <= uncertainty, 0.0, values.real)
     imaginary = np.where(np.abs(values.imag) <= uncertainty, 0.0, values.imag)
     values = real + 1j * imaginary
-    return replace(found, values=values, uncertainty=uncertainty)
+    # a pair that is no pair is two that decay, or grow, alike
+    alike = np.flatnonzero((values.imag == 0.0) & (found.values.imag > 0.0) & (values.real != 0.0))
+    which = np.concatenate([np.arange(len(values)), alike])
+    vectors = found.vectors[:, which]
+    vectors[:, len(values) :] = vectors[:, len(values) :].conj()
+    return replace(
+        found.part(which), values=values[which], vectors=vectors, uncertainty=uncertainty[which]
+    )
 
 
 def _corrected(pencil: Pencil, value: complex, vector: ComplexArray) -> tuple[complex, float]:
@@ -240,9 +251,12 @@ def _corrected(pencil: Pencil, value: complex, vector: ComplexArray) -> tuple[co
         return value, abs(value)
     size, other, rate = np.abs(vector), np.abs(left), abs(value)
     errors = other @ (abs(K) @ size + rate * (abs(V) @ size) + rate**2 * (abs(M) @ size))
-    slope = left @ (2.0 * value * (M @ vector) + V @ vector)
-    if not abs(slope) > 0.0:
+    slope, bend = left @ (2.0 * value * (M @ vector) + V @ vector), abs(left @ (M @ vector))
+    bound = _CERTAIN * pencil.precision * errors
+    if not abs(slope) + bend > 0.0:
         return value, rate
-    step = left @ (K @ vector + value * (V @ vector) + value**2 * (M @ vector)) / slope
-    better = value - step if abs(step) <= _SLIGHT * rate else value
-    return complex(better), float(_CERTAIN * pencil.precision * errors / abs(slope))
+    # of two that are one, errors of the matrices do as much as their root
+    error = 2.0 * bound / (abs(slope) + np.sqrt(abs(slope) ** 2 + 4.0 * bend * bound))
+    gap = left @ (K @ vector + value * (V @ vector) + value**2 * (M @ vector))
+    near = abs(gap) <= _SLIGHT * rate * abs(slope)
+    return complex(value - gap / slope if near and slope else value), float(error)

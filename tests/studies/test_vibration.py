@@ -919,3 +919,13 @@ def test_a_stiff_pendulum_off_the_axes_swings_as_a_rigid_one(model, more):
     deck = parse_deck(OBLIQUE.format(gravity=gravity, model=model))
     found = hfsim.modes(deck, about="equilibrium", count=1)
     assert 2.0 * np.pi * found.frequencies[0] == pytest.approx(np.sqrt(1.5 * 9.81), rel=1e-4)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_equal_motions_that_are_critically_damped_all_come_back(count):
+    """Each has l = -w twice, with one shape: by rounding a pair, or two that nothing seems to bring back."""
+    one = np.eye(count)
+    found = eigenpairs(Pencil(one, 2.0 * 3.7 * one, 3.7**2 * one, np.zeros((0, count))), 9)
+    assert len(found.values) == 2 * count
+    assert found.values == pytest.approx(np.full(2 * count, -3.7), abs=1e-6)
+    assert not found.doubled.any() and (found.uncertainty < 1e-6).all()
