@@ -16,10 +16,10 @@ from hfsim.marching.solution import Channel, Run
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.mechanics.statics.buckling import critical_factors
-from hfsim.mechanics.statics.equilibrium import Equilibrium
+from hfsim.mechanics.statics.equilibrium import HOLD, Equilibrium
 from hfsim.mechanics.statics.newton import Effort, NotFoundError
 from hfsim.mechanics.statics.path import Path
-from hfsim.mechanics.statics.problem import State
+from hfsim.mechanics.statics.problem import Problem, State
 from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.joints.driver import DriverSpec
 from hfsim.scene.build import Scene, build
@@ -178,12 +178,11 @@ def _followed(scene: Scene, wish: Wish) -> tuple[list[_Row], Equilibrium, dict[s
         turns(load, state)
         rows.append(_Row(load, turns.q, dict(turns.angles)))
 
-    path = Path(problem_of(scene, wish.t, keep, wish.varied), Effort())
-    why, lost = "", None
-    try:
-        why = path.follow()
-    except NotFoundError as error:
-        why, lost = str(error), error.state
+    problem = problem_of(scene, wish.t, keep, wish.varied)
+    path, why, lost = _along(problem)
+    if not path.points:  # what turns about itself, say, is held by nothing, and pushed by nothing
+        held = _along(replace(problem, hold=HOLD))
+        path, why, lost = held if held[0].points else (path, why, lost)
     points = path.points
     if not points:
         rows, state = [_Row(0.0, scene.q[None], turns.angles)], path.problem.start
@@ -196,11 +195,24 @@ def _followed(scene: Scene, wish: Wish) -> tuple[list[_Row], Equilibrium, dict[s
     return rows, reached, {"points": len(points), "limits": told["limit"], "branches": told["branch"]}
 
 
+def _along(problem: Problem) -> tuple[Path, str, State | None]:
+    """Return a path, why it ends, and the state in which it was lost."""
+    path = Path(problem, Effort())
+    try:
+        return path, path.follow(), None
+    except NotFoundError as error:
+        return path, str(error), error.state
+
+
 def _critical(scene: Scene, wish: Wish) -> dict[str, Any]:
     """Return the critical load factors."""
+    problem = problem_of(scene, wish.t, None, wish.varied)
     try:
-        problem = problem_of(scene, wish.t, None, wish.varied)
-        found = critical_factors(problem, Effort(), wish.buckling)
+        try:
+            found = critical_factors(problem, Effort(), wish.buckling)
+        except (NotFoundError, np.linalg.LinAlgError):
+            # what turns about itself, say, is held by nothing, and pushed by nothing
+            found = critical_factors(replace(problem, hold=HOLD), Effort(), wish.buckling)
     except (NotFoundError, np.linalg.LinAlgError) as error:
         return {"critical": [], "critical_reason": str(error)}
     reason = "" if found else "no load factor makes the stiffness singular"

@@ -429,3 +429,24 @@ def test_flutter_is_told_of_what_is_slender_or_small(load, stable, length, slend
     load = "{" + FOLLOWING.replace("LOAD", load) + "}"
     deck = SMALL.format(length=length, slenderness=slenderness, element="cosserat", load=load)
     assert hfsim.static(parse_deck(deck)).statistics["stable"] == stable
+
+
+BAR = """hfsim: 1
+gravity: [0, 0, 0]
+ground: {points: {x: [1000, 0, 2], y: [0, 1000, 2]}}
+bodies: {b: {type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1], points: {f: [0, 0, -1], top: [0, 0, 1]}}}
+joints: {j: {type: spherical, between: [ground, b.f]}}
+springs:
+  x: {type: two_point, between: [ground.x, b.top], stiffness: 1.0}
+  y: {type: two_point, between: [ground.y, b.top], stiffness: 1.0}
+loads: {P: {type: force, at: b.top, force: [0, 0, -1.0]}}
+initial: {b: {position: [0, 0, 1]}}
+solve: {duration: 1.0}
+"""
+
+
+def test_what_may_turn_about_itself_gives_way_all_the_same():
+    """A bar of 2 m on a ball joint, its top held by springs: P L = k L^2 to both sides."""
+    found = hfsim.static(parse_deck(BAR), buckling=2).statistics
+    assert found["critical"] == pytest.approx([2.0, 2.0], rel=1e-6) and all(found["critical_reached"])
+    assert hfsim.static(parse_deck(BAR), path=True).status == "done"
