@@ -450,3 +450,15 @@ def test_what_may_turn_about_itself_gives_way_all_the_same():
     found = hfsim.static(parse_deck(BAR), buckling=2).statistics
     assert found["critical"] == pytest.approx([2.0, 2.0], rel=1e-6) and all(found["critical_reached"])
     assert hfsim.static(parse_deck(BAR), path=True).status == "done"
+
+
+@pytest.mark.parametrize("elements", [6, 40])
+def test_a_follower_that_stays_keeps_its_skew_part_while_another_load_grows(elements):
+    """cos k L = -F / P, k^2 = (F + P) / E I, of a column under a dead load P beside a follower F."""
+    pushed = 'force: ["${-1e9 * h**4 / 12 / L**2}", 0]'
+    load = f"{{type: force, at: b.tip, {pushed}}}, q: {{type: force, at: b.tip, {pushed}, follower: true}}"
+    deck = SMALL.format(length=1.0, slenderness=100, element="cable", load=load)
+    scene = build(parse_deck(deck, overrides=[f"bodies.b.elements={elements}"]))
+    found = critical_factors(problem_of(scene, 0.0, None, ("p",)), Effort(), 1)
+    dead = brentq(lambda P: np.cos(np.sqrt(1.0 + P)) + 1.0 / P, 1.1, 8.0)
+    assert found[0].load == pytest.approx(dead, rel=2e-3)

@@ -28,7 +28,7 @@ from hfsim.mechanics.statics.newton import (
     stepped,
 )
 from hfsim.mechanics.statics.problem import Level, Problem, State, Tangent
-from hfsim.mechanics.statics.stability import lowest
+from hfsim.mechanics.statics.stability import is_symmetric, lowest
 
 STEP = 1e-3
 """Of differences of the stiffness by the load, relative to the factor."""
@@ -255,22 +255,23 @@ def _eigenpairs(
     ends = [balanced(problem, state, Level(load + way), effort) for way in (-step, step)]
     low, high = (problem.tangent(one, load + way) for one, way in zip(ends, (-step, step), strict=True))
     tangent = problem.tangent(state, load)
-    change = (high.stiffness - low.stiffness) / (2.0 * step)
-    if is_sparse(tangent.stiffness):
-        values, motions = _sparse(tangent, change, count)
-        basis = _spanned(motions, _scale(tangent.stiffness))
-    else:
-        basis = _allowed(dense(tangent.jacobian), _scale(tangent.stiffness))
-        values, motions = _projected(basis, tangent.stiffness, change)
-    kept = (np.abs(values.imag) <= REAL * np.abs(values)) & (np.abs(values) > 0.0)
-    factors, motions = 1.0 / values.real[kept], motions[kept].real
-    precision = BY_DIFFERENCES if problem.system.variable_mass else EPS
-    if skewness(change, tangent.stiffness) <= NOISE * precision / step:
-        factors, motions = _symmetric(basis, tangent.stiffness, change, load) or (factors, motions)
+    K, change = tangent.stiffness, (high.stiffness - low.stiffness) / (2.0 * step)
+    some = _sparse(tangent, change, count) if is_sparse(K) else None
+    basis = _allowed(dense(tangent.jacobian), _scale(K)) if some is None else _spanned(some[1], _scale(K))
+    rough = bool(problem.system.variable_mass)
+    even = skewness(change, K) <= NOISE * (BY_DIFFERENCES if rough else EPS) / step and is_symmetric(K, rough)
+    found = _symmetric(basis, K, change, load) if even else None
+    factors, motions = found or _real(*(some or _projected(basis, K, change)))
     if count:
         factors, motions = factors[factors > 0.0], motions[factors > 0.0]
     order = np.argsort(np.abs(factors))[: count or 6]
     return [(float(factors[k]), motions[k]) for k in order]
+
+
+def _real(values: Array, motions: Array) -> tuple[Array, Array]:
+    """Return the factors nu of real eigenvalues 1 / nu that are not zero, and their motions."""
+    kept = (np.abs(values.imag) <= REAL * np.abs(values)) & (np.abs(values) > 0.0)
+    return 1.0 / values.real[kept], motions[kept].real
 
 
 def _scale(K: Matrix) -> Array:

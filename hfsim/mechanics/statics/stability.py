@@ -142,8 +142,14 @@ def lowest(problem: Problem, state: State, load: float) -> tuple[Array, Array]:
 
 def _symmetric(K: Matrix, by_differences: bool) -> Matrix:
     """Return a stiffness without what is skew by rounding."""
-    skew = float(abs(K - K.T).max() / abs(K).max()) if by_differences else skewness(K)
-    return 0.5 * (K + K.T) if skew <= ASKEW else K
+    return 0.5 * (K + K.T) if is_symmetric(K, by_differences) else K
+
+
+def is_symmetric(K: Matrix, by_differences: bool) -> bool:
+    """Tell whether a stiffness is, but for rounding; that of differences is one of the largest entry."""
+    if by_differences:
+        return bool(abs(K - K.T).max() <= ASKEW * abs(K).max())
+    return skewness(K) <= ASKEW
 
 
 def _positive(M: Matrix, J: Matrix) -> bool:
