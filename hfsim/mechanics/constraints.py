@@ -145,7 +145,7 @@ class Constraint:
     @property
     def constant(self) -> bool:
         """Whether Phi is a linear function of the coordinates, at all times the same."""
-        return False
+        return all(self.still) and not self.driven
 
     @property
     def products(self) -> tuple[Product, ...]:
@@ -268,11 +268,6 @@ class Coincide(_Difference):
         """One for each component of the distance."""
         return self.first.n_dim
 
-    @property
-    def constant(self) -> bool:
-        """Whether both positions are linear functions of the coordinates."""
-        return all(self.still)
-
     def _of(self, marker: Marker) -> _Quantity:
         return _Quantity(
             marker.linear, marker.position_jacobian, marker.position_bias, marker.position_stiffness
@@ -295,11 +290,6 @@ class RelativeAngle(_Difference):
     wraps: ClassVar[bool] = True
     unit: ClassVar[str] = "rad"
     why_kept: ClassVar[str] = "it holds an angle alone"
-
-    @property
-    def constant(self) -> bool:
-        """Whether both angles are coordinates, but for full turns of what is missing."""
-        return all(self.still) and not self.driven
 
     def _of(self, marker: Marker) -> _Quantity:
         return _Quantity(marker.linear_turn, marker.spin_jacobian, marker.spin_bias, marker.spin_stiffness)
@@ -330,17 +320,11 @@ class Along(Constraint):
         return self.first.grounded, self.first.grounded and self.second.linear
 
     @property
-    def constant(self) -> bool:
-        """Whether that holds at both ends, at all times."""
-        return all(self.still) and not self.driven
-
-    @property
     def products(self) -> tuple[Product, ...]:
         """The axis times the distance, in space."""
         axis = self.first.linear_axis(np.array(self.direction))
         ends = [marker.linear_place for marker in self.ends]
-        moves = not (self.constant or self.driven or self.offset)
-        if axis is None or ends[0] is None or ends[1] is None or not moves:
+        if axis is None or ends[0] is None or ends[1] is None or self.constant or self.driven or self.offset:
             return ()
         return (Product(axis, ends[1].minus(ends[0])),)
 

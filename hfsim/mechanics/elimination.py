@@ -79,7 +79,7 @@ def eliminate(
     work = _Elimination(n)
     owners = {body.columns.start: name for name, body in bodies.items()}
     linear = dict(_between_positions(bodies, constraints, owners))
-    guided = dict[str | None, Body]()
+    guided = dict[str, Body]()
     for k, body, along in _guides(bodies, constraints, owners):
         if body.name not in guided:
             work.guide(k, along)
@@ -139,7 +139,7 @@ class _Elimination:
         self.source[other] = kept
         self.dropped[other], self.natural[other] = True, False
         point = np.array([kept, other])
-        self.ties.append(Rail(point[None], point, None, float(np.divide(*self.factor[point[::-1]]))))
+        self.ties.append(Rail(point[None], point, None, float(self.factor[other] / self.factor[kept])))
         self.eliminated.add(k)
 
     def hold(self, k: int, column: int, value: float) -> None:
@@ -264,7 +264,7 @@ def _between_positions(
 
 
 def _tree(
-    constraints: Mapping[int, Constraint], owners: Mapping[int, str], guided: Collection[str | None]
+    constraints: Mapping[int, Constraint], owners: Mapping[int, str], guided: Collection[str]
 ) -> Iterator[tuple[int, Marker, Marker]]:
     """Yield (constraint, marker of the body taken in, marker it is attached to), from the ground outwards.
 

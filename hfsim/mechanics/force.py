@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 
 from hfsim.errors import SolverFailure
-from hfsim.maths.arrays import Array, IntArray, slices
+from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.differences import fine_derivative
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.mechanics.markers import Marker
@@ -29,8 +30,6 @@ DIFFERENCE = 1e-7
 """Step of one-sided difference quotients, relative to coordinates larger than 1."""
 FINE = 3e-4
 """The same of those of fourth order, which are exact for forces of degree four."""
-AT_ONCE = 500_000
-"""Numbers of a batch of these."""
 
 
 def difference(values: Callable[[Array], Array], at: Array, columns: IntArray, fine: bool = False) -> Entries:
@@ -47,27 +46,15 @@ def difference(values: Callable[[Array], Array], at: Array, columns: IntArray, f
         Whether differences are of fourth order, whose steps are longer than small elements: for stiff forces
         that are a polynomial of places, of which one-sided ones lose what holds a body softly.
     """
-    if fine:
-        return _finely(values, at, columns)
-    count = len(columns)
-    step = DIFFERENCE * np.maximum(1.0, np.abs(at[0, columns]))
+    sizes, count = np.maximum(1.0, np.abs(at[0, columns])), len(columns)
+    if fine and count:
+        slopes = fine_derivative(lambda moved: values(moved)[:, columns], at[0], columns, FINE * sizes)
+        return Entries.of_block(columns, columns, slopes)
+    step = DIFFERENCE * sizes
     moved = np.repeat(at, count + 1, axis=0)
     moved[np.arange(count), columns] += step
     found = values(moved)[:, columns]
     return Entries.of_block(columns, columns, ((found[:-1] - found[-1]) / step[:, None]).T)
-
-
-def _finely(values: Callable[[Array], Array], at: Array, columns: IntArray) -> Entries:
-    step = FINE * np.maximum(1.0, np.abs(at[0, columns]))
-    slopes = [np.zeros((0, len(columns)))]
-    for part in slices(len(columns), AT_ONCE // (4 * at.shape[1])):
-        count = len(columns[part])
-        moved = np.repeat(at, 4 * count, axis=0)
-        changes = np.outer([-2.0, -1.0, 1.0, 2.0], step[part]).ravel()
-        moved[np.arange(4 * count), np.tile(columns[part], 4)] += changes
-        far, near, nearer, further = values(moved)[:, columns].reshape(4, count, -1)
-        slopes.append((8.0 * (nearer - near) - (further - far)) / (12.0 * step[part, None]))
-    return Entries.of_block(columns, columns, np.concatenate(slopes).T)
 
 
 @frozen

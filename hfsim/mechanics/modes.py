@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.maths.differences import slopes
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Matrix, dense
 from hfsim.mechanics.linearized import Linearized, rows_of
@@ -155,16 +156,10 @@ def modes_by_differences(system: System, t: float, q: Array, v: Array) -> Modes:
     values = system.acceleration(times, Q, V) @ Z
     # where projection has moved the coordinates a little, the chain rule brings them back
     reached = np.hstack([(Q - q) @ Z, (V - v) @ Z])
-    slopes = _slopes(values.reshape(2, 4, n, n)) / _DIFFERENCE
-    turned = _slopes(reached.reshape(2, 4, n, 2 * n)) / _DIFFERENCE
-    J = np.linalg.solve(np.concatenate(turned), np.concatenate(slopes)).T
+    sloped = slopes(values.reshape(2, 4, n, n).swapaxes(0, 1)) / _DIFFERENCE
+    turned = slopes(reached.reshape(2, 4, n, 2 * n).swapaxes(0, 1)) / _DIFFERENCE
+    J = np.linalg.solve(np.concatenate(turned), np.concatenate(sloped)).T
     return Modes(J[:, :n], J[:, n:], Z, _EPS / _DIFFERENCE)
-
-
-def _slopes(values: Array) -> Array:
-    """Return fourth-order differences of values at -2, -1, 1 and 2 steps (second axis)."""
-    far, near = values[:, 3] - values[:, 0], values[:, 2] - values[:, 1]
-    return np.asarray((8.0 * near - far) / 12.0)
 
 
 def _allowed(system: System, t: float, q: Array, v: Array) -> Array:

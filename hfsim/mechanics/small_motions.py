@@ -20,6 +20,7 @@ from collections.abc import Callable
 import numpy as np
 
 from hfsim.maths.arrays import Array, random_signs
+from hfsim.maths.differences import fine_derivative
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Matrix, assemble, is_sparse
 from hfsim.maths.pencils import Pencil
@@ -28,8 +29,6 @@ from hfsim.mechanics.turning import Turning
 
 STEP = 3e-4
 """Step of the differences, relative to the largest coordinate up to one: exact for forces of degree four."""
-AT_ONCE = 2_000_000
-"""Numbers of a batch of differences."""
 
 
 _EXACT = float(np.finfo(float).eps)
@@ -186,15 +185,5 @@ def derivative(function: Callable[[Array], Array], at: Array) -> Array:
 
     By differences of fourth order.
     """
-    n = len(at)
     step = STEP * min(1.0, float(np.abs(at).max(initial=0.0)) or 1.0)
-    own = max(1, AT_ONCE // (4 * n))
-    parts = []
-    for first in range(0, n, own):
-        columns = np.arange(first, min(first + own, n))
-        moved = np.repeat(at[None], 4 * len(columns), axis=0)
-        places = np.tile(columns, 4)
-        moved[np.arange(len(moved)), places] += step * np.repeat([-2.0, -1.0, 1.0, 2.0], len(columns))
-        far, near, nearer, further = function(moved).reshape(4, len(columns), -1)
-        parts.append((8.0 * (nearer - near) - (further - far)) / (12.0 * step))
-    return np.ascontiguousarray(np.concatenate(parts).T)
+    return fine_derivative(function, at, np.arange(len(at)), np.full(len(at), step))

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
 
 from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array
-from hfsim.mechanics.directions import THIRD
+from hfsim.maths.rotations import wrap
+from hfsim.mechanics.directions import THIRD, along, unit
 from hfsim.parts.specs import JointSpec
 from hfsim.scene.facing import by_holding
 from hfsim.scene.schema import Deck
-
-ALONG = 1e-9
-"""How far a rotation vector may be off an axis, over its length, to be a turn about it."""
 
 
 class FullTurns:
@@ -37,7 +35,7 @@ class FullTurns:
             That of B against A at the start, up to full turns [rad].
         """
         stated = self._stated(tuple(split_point(end)[0] for end in ends), _unit(axis))
-        return angle if stated is None else angle + 2.0 * np.pi * round((stated - angle) / (2.0 * np.pi))
+        return angle if stated is None else stated + float(wrap(np.array(angle - stated)))
 
     def _stated(self, bodies: tuple[str, ...], axis: Array) -> float | None:
         """Return what is stated of an angle about an axis, if that is a turn about it."""
@@ -80,7 +78,7 @@ class FullTurns:
 
 def _hand_on(known: dict[str, Array], a: str, b: str, step: Array) -> None:
     """Take the turns of B from those of A where they are about the same axis as what is between them."""
-    if a in known and b not in known and (not known[a].any() or _along(step, _unit(known[a]))):
+    if a in known and b not in known and (not known[a].any() or _along(step, known[a])):
         known[b] = known[a] + step
 
 
@@ -88,11 +86,10 @@ def _bodies(joint: JointSpec) -> tuple[str, ...]:
     return tuple(split_point(end)[0] for end in joint.between)
 
 
-def _unit(axis: Collection[float] | Array | None) -> Array:
-    given = np.asarray(THIRD if axis is None else tuple(axis), dtype=float)
-    return np.asarray(given / np.linalg.norm(given))
+def _unit(axis: Sequence[float] | None) -> Array:
+    return np.asarray(unit(tuple(axis or THIRD)))
 
 
-def _along(vector: Array, axis: Array) -> bool:
-    """Return whether a vector is along a unit vector, or zero."""
-    return bool(np.linalg.norm(np.cross(vector, axis)) <= ALONG * np.linalg.norm(vector))
+def _along(vector: Array, other: Array) -> bool:
+    """Return whether a vector is along another one, or zero."""
+    return not vector.any() or along(unit(tuple(vector)), unit(tuple(other)))

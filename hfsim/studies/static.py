@@ -206,15 +206,15 @@ def _along(problem: Problem) -> tuple[Path, str, State | None]:
 
 def _critical(scene: Scene, wish: Wish) -> dict[str, Any]:
     """Return the critical load factors."""
-    problem = problem_of(scene, wish.t, None, wish.varied)
-    try:
+    problem, why = problem_of(scene, wish.t, None, wish.varied), ""
+    for hold in (0.0, HOLD):  # what turns about itself, say, is held by nothing, and pushed by nothing
         try:
-            found = critical_factors(problem, Effort(), wish.buckling)
-        except (NotFoundError, np.linalg.LinAlgError):
-            # what turns about itself, say, is held by nothing, and pushed by nothing
-            found = critical_factors(replace(problem, hold=HOLD), Effort(), wish.buckling)
-    except (NotFoundError, np.linalg.LinAlgError) as error:
-        return {"critical": [], "critical_reason": str(error)}
+            found = critical_factors(replace(problem, hold=hold), Effort(), wish.buckling)
+            break
+        except (NotFoundError, np.linalg.LinAlgError) as error:
+            why = str(error)
+    else:
+        return {"critical": [], "critical_reason": why}
     reason = "" if found else "no load factor makes the stiffness singular"
     return {
         "critical": [one.load for one in found],

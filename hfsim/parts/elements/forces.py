@@ -14,15 +14,13 @@ from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.connectivity import Connectivity
-from hfsim.mechanics.force import ForcePart
+from hfsim.mechanics.force import DIFFERENCE, ForcePart
 from hfsim.parts.elements._base import ElasticLaw, GramLaw, join_laws
 from hfsim.parts.elements.polynomial import exact_points, gauss_rows
 
 if TYPE_CHECKING:
     from hfsim.deck.stations import BeamAlong
 
-_DIFFERENCE = 1e-7
-"""Step of difference quotients."""
 ROLL = 1e-6
 """Curvature times the length of an element [-] from which a line in space is seen to roll."""
 
@@ -287,8 +285,8 @@ class KelvinVoigtForce(MaterialDamping):
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of the force by x in one state; by differences, element by element."""
         V, dV = self.elements.vectors(x), self.elements.vectors(u)
-        change = self.gradient(V + _DIFFERENCE * self._units, dV) - self.gradient(V, dV)
-        return self.elements.entries(self._blocks(change / _DIFFERENCE))
+        change = self.gradient(V + DIFFERENCE * self._units, dV) - self.gradient(V, dV)
+        return self.elements.entries(self._blocks(change / DIFFERENCE))
 
     def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of the force by u in one state: the force is linear in u."""
