@@ -135,7 +135,9 @@ class GearStepper(Stepper):
         error = self._size(d, 1.0 / (k + 1))
         q1, v1 = self._D[: k + 1].sum(axis=0) + d
         growth, self._next_order = aimed(error, k + 1), k
-        if self._same >= k + 1 and (self._method.order is None or self._method.step is None):
+        if self._same < k + 1:
+            growth = min(growth, 1.0)
+        elif self._method.order is None or self._method.step is None:
             growth = self._choose_order(error)
         growth = min(growth, self._newton.room(self._h / GAMMA[k]))
         self._stuck += error > 1.0
