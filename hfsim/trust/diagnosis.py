@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hfsim.errors import SolverFailure
-from hfsim.integrators import Trajectory
+from hfsim.integrators import Problem, Trajectory
 from hfsim.marching.balance import balance, step_samples
 from hfsim.marching.culprit import body_of
 from hfsim.marching.integration import Integration
@@ -191,7 +191,7 @@ def _without_mass(stop: SolverFailure, trial: Experiments) -> SolverFailure | No
         return None
     if scene.system.n > DENSE:
         return None
-    values, vectors = linearised(trial.done, trial.stop_time)
+    values, vectors = _linearised_at_the_end(trial)
     fastest = int(np.argmax(np.abs(values)))
     item = body_of(scene, np.abs(vectors[: scene.system.n, fastest]))
     if item != f"bodies.{name}":
@@ -222,7 +222,7 @@ def _stays(stop: SolverFailure, trial: Experiments) -> SolverFailure:
     """What no experiment made go away."""
     item, evidence, n = stop.item, dict[str, Any](trial.outcomes), trial.scene.system.n
     if n <= DENSE:
-        values, vectors = linearised(trial.done, trial.stop_time)
+        values, vectors = _linearised_at_the_end(trial)
         growing = int(np.argmax(values.real))
         evidence["growth_rate"] = float(values.real[growing])
         item = item or body_of(trial.scene, np.abs(vectors[:n, growing]))
@@ -267,8 +267,13 @@ def _crushed(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
     return replace(found, reason=reason)
 
 
-def linearised(done: Integration, t: float) -> tuple[Array, Array]:
-    """Return eigenvalues [1/s] and eigenvectors of the equations of motion linearised at the end of a run.
+def _linearised_at_the_end(trial: Experiments) -> tuple[Array, Array]:
+    path = trial.done.trajectory
+    return linearised(trial.done.problem, trial.stop_time, path.q, path.v)
+
+
+def linearised(problem: Problem, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+    """Return eigenvalues [1/s] and eigenvectors of the equations of motion linearised at a state.
 
     Returns
     -------
@@ -277,13 +282,12 @@ def linearised(done: Integration, t: float) -> tuple[Array, Array]:
         Of (q, v).  All are zero where the equations have no finite derivative.
     """
     # the analytic derivative leaves out what velocities do
-    path, n = done.trajectory, 2 * len(done.trajectory.q)
     try:
-        by_q, by_v = by_differences(done.problem.evaluate, t, path.q, path.v, dissipates=True).slopes()
+        by_q, by_v = by_differences(problem.evaluate, t, q, v, dissipates=True).slopes()
         assert by_v is not None
         values, vectors = np.linalg.eig(first_order(by_q, by_v))
     except np.linalg.LinAlgError:
-        return np.zeros(n), np.zeros((n, n))
+        return np.zeros(2 * len(q)), np.zeros((2 * len(q), 2 * len(q)))
     return values, vectors
 
 

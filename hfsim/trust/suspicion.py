@@ -10,8 +10,10 @@ from hfsim.errors import SolverFailure
 from hfsim.integrators import Trajectory
 from hfsim.marching.integration import Integration
 from hfsim.marching.stop import Budget
+from hfsim.maths.arrays import Array
 from hfsim.maths.rank import Dependence
 from hfsim.scene.build import Scene
+from hfsim.trust.diagnosis import linearised
 from hfsim.trust.experiments import (
     DEAD,
     GOOD_BALANCE,
@@ -21,14 +23,20 @@ from hfsim.trust.experiments import (
     joint_dependence,
     listed,
 )
-from hfsim.trust.growth import Growth, amplitude_of, disturbed_growth, loaded_items
+from hfsim.trust.growth import UNSTABLE, WINDOWS, Growth, amplitude_of, disturbed_growth, loaded_items
 
 LOOKED_AT, NEAREST = (60, 300), 4
 """Times at which singular positions are looked for, and how many of the nearest are looked at closely."""
+SMALL = 100
+"""Coordinates up to which it is looked whether what rests would rather go away."""
 TIGHT = 1e-10
 """Tolerance that is proposed where nothing else is known to help."""
 REDUNDANT = 1e-6
 """Smallest singular value of the joint equations below which joints are all but redundant."""
+
+RESTING, APART = 1e-6, 1e-3
+"""Change of a coordinate, over the largest of them, up to which it rests, as rounding grows too; and what a
+motion of resting ones may have of others, as its derivatives are those of differences."""
 
 
 def suspect(
@@ -153,12 +161,33 @@ def _nearly_redundant(trial: Experiments) -> SolverFailure | None:
 
 
 def _unstable(trial: Experiments) -> SolverFailure | None:
-    """A motion under load from which disturbances grow away."""
+    """A motion under load, or one that leaves something at rest, from which disturbances grow away."""
     scene = trial.scene
-    if not loaded_items(scene) or trial.budget.left <= 0.0:
+    if trial.budget.left <= 0.0 or not (loaded_items(scene) or _rests_unstably(trial)):
         return None
     growth = disturbed_growth(scene, trial.done, trial.solve, trial.budget.guard())
     return instability(scene, growth) if growth is not None and growth.unstable else None
+
+
+def _rests_unstably(trial: Experiments) -> bool:
+    """Tell whether what rests for a while would rather go away, such as a column under its weight."""
+    path, n = trial.done.trajectory, trial.scene.system.n
+    if n > SMALL or path.t_start > 0.0 or path.condensed:
+        return False
+    times = np.linspace(0.0, path.t_end / WINDOWS, LOOKED_AT[0])
+    q, v = path.at(times)
+    resting = np.ptp(q, axis=0) <= RESTING * np.abs(q).max(initial=1.0)
+    if not resting.any():
+        return False
+
+    def may_grow(t: float, q: Array, v: Array) -> bool:
+        values, vectors = linearised(trial.done.problem, t, q, v)
+        moved = np.abs(vectors[:n])
+        apart = moved[~resting].max(axis=0, initial=0.0) <= APART * moved.max(axis=0)
+        return bool((values.real[apart] * path.t_end > 2.0 * np.log(UNSTABLE)).any())
+
+    some = np.linspace(0, len(times) - 1, NEAREST).astype(int)
+    return any(map(may_grow, times[some], q[some], v[some]))
 
 
 def instability(scene: Scene, growth: Growth) -> SolverFailure:
@@ -167,7 +196,8 @@ def instability(scene: Scene, growth: Growth) -> SolverFailure:
     amplitude = amplitude_of(scene, items[0]) if items else None
     cause = "parametric resonance" if amplitude else "buckling or another instability"
     reason = f"a disturbance of the start grows {growth.factor:.2g}-fold while the time doubles"
-    reason += f" under {items[0]}: {cause}" if items else ", in free motion"
+    under = items[0] if items else "weight" if any(scene.deck.gravity) else ""
+    reason += f" under {under}: {cause}" if under else ", in free motion"
     evidence = {"growth": growth.factor, "growth_rate": growth.rate}
     remedy = f"lower {items[0]}, or take" if items else "take"
     remedy += " the curves as one of many possible ones"

@@ -65,6 +65,23 @@ loads:
   press: {type: force, at: b1.tip, force: [-2.0, 0.0]}
 solve: {duration: 3.0, tolerance: 1.0e-6}
 """
+UPRIGHT = """hfsim: 1
+gravity: [0.0, -9.81]
+bodies: {bob: {type: rigid, mass: 1.0, inertia: 0.1, points: {end: [-0.5, 0.0]}}}
+joints: {hinge: {type: revolute, between: [ground, bob.end]}}
+initial: {bob: {angle: 90 deg}}
+solve: {duration: 5.0}
+"""
+MAST = """hfsim: 1
+gravity: [0.0, -9.81]
+materials: {rubber: {density: 1100.0, youngs_modulus: 1 MPa}}
+sections: {rod: {shape: circle, radius: 5 mm}}
+bodies: {mast: {type: beam, material: rubber, section: rod, length: 0.18, elements: 4}}
+joints: {foot: {type: fixed, between: [ground, mast.root], angle: 90 deg}}
+initial: {mast: {angle: 90 deg}}
+solve: {duration: 5.0}
+"""
+"""Greenhill: it bears its weight up to (7.837 E I / (rho A g))^(1/3) = 0.166 m."""
 SHAKEN = """hfsim: 1
 gravity: [0.0, -9.81]
 bodies:
@@ -377,6 +394,18 @@ def test_a_column_under_six_times_its_buckling_load_only_looks_straight():
         "loads.press",
     )
     assert diagnosed(COLUMN, "loads.press.force=[-0.3, 0.0]").statistics["suspicion"] is None
+
+
+@pytest.mark.parametrize(
+    ("text", "rate", "stable"),
+    [(UPRIGHT, 3.743, "initial.bob.angle=-90 deg"), (MAST, None, "bodies.mast.length=0.15")],
+)
+def test_what_only_rests_under_its_weight_is_told(text, rate, stable):
+    """An upright bob goes away with sqrt(m g l / (J + m l^2)), 3.74 1/s; nothing moves it but rounding."""
+    doubt = diagnosed(text).statistics["suspicion"]
+    assert doubt["class"] == "physical" and "under weight" in doubt["reason"]
+    assert rate is None or doubt["evidence"]["growth_rate"] == pytest.approx(rate, rel=0.1)
+    assert diagnosed(text, stable).statistics["suspicion"] is None
 
 
 def test_parametric_resonance_is_physical():
