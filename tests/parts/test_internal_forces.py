@@ -57,6 +57,32 @@ def test_the_tension_of_a_spinning_rod_is_that_of_the_closed_form(more, degree):
     assert tension_error(2, degree, more) < 1e-6
 
 
+THINNER = """
+hfsim: 1
+gravity: {gravity}
+materials: {{stuff: {{density: 1000.0, youngs_modulus: 1.0e6}}}}
+sections: {{thick: {{shape: rectangle, width: 0.04, height: 0.04}}, thin: {{shape: rectangle, width: 0.02, height: 0.02}}}}
+bodies: {{b: {{type: beam, element: cable, material: stuff, length: 1.0, elements: 1, model: {model},
+  stations: [{{at: 0, section: thick}}, {{at: 0.5, section: thick}}, {{at: 1, section: thin}}]}}}}
+joints: {{clamp: {{type: fixed, between: [ground, b.root]}}}}
+solve: {{duration: 1.0}}
+"""
+
+
+@pytest.mark.parametrize("model", ["exact", "linear", "lowOrder"])
+@pytest.mark.parametrize("n_dim", [2, 3])
+def test_what_is_carried_is_the_weight_beyond_where_a_station_is_inside_an_element(model, n_dim):
+    """A square of 40 mm up to the half, from there on down to 20 mm at the tip, of 1000 kg/m^3, held where it is."""
+    gravity = [0.0, -10.0, *[0.0] * (n_dim - 2)]
+    scene = build(parse_deck(THINNER.format(gravity=gravity, model=model)))
+    x = scene.system.absolute(scene.q[None])
+    found = scene.bodies["b"].section_forces(x, 0.0 * x, 0.0 * x, Acting(), PLACES)[0, :, 1]
+    side = 0.04 - 0.04 * np.maximum(PLACES - 0.5, 0.0)
+    mass = 1000.0 * (side**3 - 0.02**3) / (3.0 * 0.04) + 1000.0 * 0.04**2 * np.maximum(0.5 - PLACES, 0.0)
+    weight = 10.0 * mass
+    assert found == pytest.approx(-weight, abs=1e-9)
+
+
 SHAKEN = """
 hfsim: 1
 gravity: {gravity}

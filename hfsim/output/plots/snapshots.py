@@ -20,6 +20,8 @@ _HEIGHT, _BETWEEN = 1.5, 0.2
 """Of a row, and between two [inch]."""
 _UNSEEN = 1e-9
 """Part of the largest of its unit that no row is drawn of: forces are small differences of large numbers."""
+_FLAT = 1e-7
+"""The same of changes along a beam, of which solvers leave more."""
 
 
 def snapshot_figures(run: Run) -> Iterator[tuple[str, Sheet]]:
@@ -66,7 +68,8 @@ def _along(run: Run, body: str, shots: list[Snapshot]) -> Sheet:
         for k, shot in enumerate(shots):
             words = f"t = {shot.t:.6g} s"
             values = shot.along[body][kind]
-            points = np.column_stack([shot.places[body], values])
+            flat = np.ptp(values) <= _FLAT * sizes[_unit(kind)]
+            points = np.column_stack([shot.places[body], np.where(flat, values.mean(), values)])
             panel.things.append(Curve(points, Pen(_own(shots, k), 1.5), words))
         panel.fit()
         mark_zero(panel)

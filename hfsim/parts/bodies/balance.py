@@ -15,7 +15,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray, distinct
 from hfsim.maths.rotations import lever
-from hfsim.maths.shapes import gauss_legendre, shares_beyond
+from hfsim.maths.shapes import shares_beyond
 from hfsim.mechanics.body import Acting, VectorBody
 from hfsim.mechanics.markers import LinearMarker, Marker
 from hfsim.parts.bodies.section_axes import in_axes
@@ -115,9 +115,7 @@ def carried_by_points(
     beam: ForeshortenedBeam, markers: list[Marker], x: Array, u: Array, a: Array, places: Array
 ) -> Pair:
     """Return the same of a beam whose mass is at quadrature points, each with a marker."""
-    mesh, masses = beam.mesh, beam.points[1]
-    edges = mesh.element.length * np.arange(mesh.count + 1)
-    shares = shares_beyond(edges, *gauss_legendre(beam.n_points // mesh.count), places)
+    masses, shares = beam.points[1], shares_beyond(beam.pieces, *beam.gauss, places)
     root = markers[0].position(x)
     forces, arms = [], []
     for marker, mass in zip(markers[1:], masses, strict=True):

@@ -87,11 +87,26 @@ class ForeshortenedBeam(ForcePart):
         """Number of quadrature points: what integrates the terms of highest degree (H H) exactly."""
         return len(self._rule[0]) * self.mesh.count
 
+    @property
+    def gauss(self) -> tuple[Array, Array]:
+        """Places and weights of those of a piece, in the unit interval."""
+        return gauss_legendre(2 * self.mesh.element.degree)
+
+    @property
+    def _cuts(self) -> tuple[float, ...]:
+        """Where pieces of an element end at stations inside it, in the unit interval."""
+        return self.mesh.properties.cuts(self.mesh.count)
+
+    @property
+    def pieces(self) -> Array:
+        """Where all pieces begin, and the last one ends [m]."""
+        starts = np.arange(self.mesh.count)[:, None] + np.array([0.0, *self._cuts])
+        return self.mesh.element.length * np.append(starts.ravel(), self.mesh.count)
+
     @cached_property
     def _rule(self) -> tuple[Array, Array]:
-        """Their places and weights in the unit interval of an element, piece by piece between stations."""
-        cuts = self.mesh.properties.cuts(self.mesh.count)
-        return piecewise(gauss_legendre(2 * self.mesh.element.degree), cuts)
+        """Places and weights in the unit interval of an element, piece by piece."""
+        return piecewise(self.gauss, self._cuts)
 
     @cached_property
     def points(self) -> tuple[Array, Array, Array, Array, Array]:
