@@ -11,6 +11,7 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.tape import Program, Tape
 from hfsim.maths.traced import plain
 from hfsim.mechanics.counting import Turns
+from hfsim.mechanics.edges import meets
 
 LOOK, COUNT = "look", "count"
 """Programs, in the order in which they are recorded: look along a step, and count turns up to its end."""
@@ -93,6 +94,5 @@ def looked(problem: Problem, place: Place, series: Array, *end: Array) -> tuple[
         seen = turns.looked(*step, *end)
         farthest = np.asarray(seen[:, :2].max())
     if edges:
-        sides = np.where(edges.looked(*step) > 0.0, BEYOND, 0.0)
-        farthest = np.maximum(farthest, np.abs(sides[1:] - sides[:-1]).max())
+        farthest = np.maximum(farthest, BEYOND * meets(edges.looked(*step)))
     return seen, farthest

@@ -19,8 +19,8 @@ from hfsim.integrators._problem import Problem
 from hfsim.integrators._trajectory import Segment, Trajectory, Watch
 from hfsim.maths.arrays import Array, are_finite
 
-IN_A_ROW = 3
-"""Unsolved steps one after another from which it is looked whether something is not finite."""
+EDGES = 3
+"""Attempts from one state that end at the edge they have met: each may meet it again a little earlier."""
 AHEAD = 1e-4
 """Length of a step, relative to the duration, up to which what lies at its end is to blame."""
 
@@ -177,11 +177,11 @@ class Stepping:
         stepper = self._stepper or self._begin()
         if path.t_end >= self._stretch[1]:
             stepper = self._enter(stepper)
-        steps, made = path.segments, len(path.segments)
+        steps, made, edges = path.segments, len(path.segments), 0
         while len(steps) == made:
             if self._ahead(stepper):
                 return
-            made = len(steps)
+            made, edges = len(steps), edges if len(steps) == made else 0
             if most is not None and self._problem.counts.steps >= most:
                 raise LimitReached(f"{most} steps were made", path.t_end)
             h = fitted(fixed or self._wish, self._stretch[1] - path.t_end, fixed is not None)
@@ -197,7 +197,9 @@ class Stepping:
             tried = Segment(path.t_end, h, path.q, path.v, attempt.series)
             has_edges = fixed is None and h > self._limits.short * self._duration
             if has_edges and (early := self._problem.edges.first(tried)) < h:
-                self._problem.counts.rejected, self._wish = self._problem.counts.rejected + 1, early
+                edges, self._problem.counts.rejected = edges + 1, self._problem.counts.rejected + 1
+                self._pace.note(path.t_end, True, False)
+                self._wish = early if edges <= EDGES else min(early, 0.5 * h)
                 continue
             if h >= 0.5 * self._wish:
                 self._wish = float(h * min(max(attempt.growth, 0.2), 5.0))
@@ -374,9 +376,7 @@ class Stepping:
         problem.counts.rejected += 1
         pace.note(path.t_end, True, not attempt.solved)
         short = h < AHEAD * self._duration
-        rows, more = divmod(pace.unsolved, IN_A_ROW)
-        looked_at = not more and rows.bit_count() == 1  # ever more seldom: it takes as long as a step
-        if looked_at and (cause := self._culprit(h if short else 0.0)) is not None:
+        if pace.doubtful and (cause := self._culprit(h if short else 0.0)) is not None:
             raise cause
         wish = h * min(max(attempt.growth, 0.1), 0.9)
         self._refuse_collapse(wish)

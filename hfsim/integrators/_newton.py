@@ -109,6 +109,10 @@ class Newton:
         self._cap = SHRUNK * equations.by_v if found is None else REGROWTH * self._cap
         return found
 
+    def renew(self) -> None:
+        """Take a new derivative next time."""
+        self._derivative = None
+
     def room(self, by_v: float) -> float:
         """Return the factor on steps up to which an iteration may be hoped to converge."""
         return self._cap / by_v

@@ -14,6 +14,8 @@ from hfsim.integrators._memory import Remembering, part_of
 WINDOWS = ((100, 1e10), (1000, 1e7))
 """Attempted steps after which the pace is looked at, and those still to come, at the pace of two windows,
 from which a run ends."""
+IN_A_ROW = 3
+"""Unsolved steps one after another from which it is looked whether something is not finite."""
 GAINING = 1.2
 """Progress over that of the window before from which steps are growing, and the run is left alone."""
 
@@ -72,6 +74,12 @@ class Pace(Remembering):
     def __post_init__(self) -> None:
         self.windows = [_Window(*one, self.t) for one in WINDOWS]
         self._looked()
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether it is time to look for what is not finite, as long as a step takes: ever more seldom."""
+        rows, more = divmod(self.unsolved, IN_A_ROW)
+        return not more and rows.bit_count() == 1
 
     def note(self, t: float, rejected: bool, unsolved: bool) -> None:
         """Count one attempt that ended at t.

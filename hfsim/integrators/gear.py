@@ -39,6 +39,8 @@ GROWING = {3: (0.25, 2.0), 4: (0.35, 5.0), 5: (0.7, 10.0)}
 RESOLVING = 1.4
 """Angle by which the fastest mode turns in a step of low order below which order 5 is worth up to twice as
 many: it is more accurate by far."""
+AGAIN = 50
+"""Steps of one length after which it is looked again at what rings: a contact may be over."""
 PATIENCE = 2
 """Steps that are not kept, none longer in between, after which an order is left that lets a mode grow."""
 GAMMA = np.concatenate([[0.0], np.cumsum(1.0 / np.arange(1, MAX_ORDER + 1))])
@@ -127,6 +129,8 @@ class GearStepper(Stepper):
         if abs(h - self._h) > 1e-12 * h:
             self._stuck *= h < self._h
             self._rescale(h)
+        if self._same and self._same % AGAIN == 0:
+            self._newton.renew()
         found = self._solve(t + h)
         if found is None:
             return unsolved()

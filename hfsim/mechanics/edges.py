@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, BoolArray
 from hfsim.mechanics.counting import PLACES, AlongSteps, Step
 from hfsim.mechanics.projection import Through, directly
 from hfsim.mechanics.system import System
@@ -35,16 +35,18 @@ class Edges(AlongSteps):
         """Return after what time a tried step meets its first edge [s]; its length, if none is far inside."""
         if not self._parts:
             return step.h
-        shares, beyond = LOOKED_AT, self._look("edges", self.looked, step)
-        for closer in range(ROUNDS + 1):
-            if closer:
-                beyond = self._look("edges at shares", self._closely, step, shares)
-            changed = np.any((beyond[1:] > 0.0) != (beyond[:-1] > 0.0), axis=1)
-            if not changed.any():
-                return step.h
-            k = int(np.argmax(changed))
-            shares = np.linspace(shares[k], shares[k + 1], len(shares))
-        return step.h * float(shares[-1])
+        found = _between(LOOKED_AT, self._look("edges", self.looked, step))
+        return step.h * next((at for pair in found if (at := self._closer(step, *pair)) < 1.0), 1.0)
+
+    def _closer(self, step: Step, first: float, last: float) -> float:
+        """Return the share of a step at which it meets an edge between two; one if it does not."""
+        for _ in range(ROUNDS):
+            shares = np.linspace(first, last, len(LOOKED_AT))
+            found = _between(shares, self._look("edges at shares", self._closely, step, shares))
+            if not found:
+                return 1.0
+            first, last = found[0]
+        return last
 
     def looked(self, kind: Callable[..., Step], t: Any, h: Any, *start: Array) -> Array:
         """Return by how much a step is beyond each edge where it is looked at first, (n_shares, n_edges)."""
@@ -60,3 +62,41 @@ class Edges(AlongSteps):
         assert self._system is not None
         x, u = self._system.absolute(q), self._system.absolute_velocity(q, v)
         return np.concatenate([part.edges(times, x, u) for part in self._parts], axis=1)
+
+
+def meets(beyond: Array) -> Array:
+    """Return whether edges are met where they are looked at, or touched between two such places, shape ().
+
+    Parameters
+    ----------
+    beyond : ndarray, shape (n_shares, n_edges)
+    """
+    found = [np.where(kind(beyond), 1.0, 0.0).max() for kind in (_crossed, _touched)]
+    return np.asarray(np.maximum(*found))
+
+
+def _between(shares: Array, beyond: Array) -> list[tuple[float, float]]:
+    """Return the shares between which edges may be touched, up to those where one is crossed first."""
+    places, crossed = shares.tolist(), np.flatnonzero(_crossed(beyond).any(axis=1)).tolist()
+    first = crossed[0] if crossed else len(places)
+    touched = np.flatnonzero(_touched(beyond).any(axis=1)).tolist()
+    found = [(places[k], places[k + 2]) for k in touched if k + 2 <= first]
+    return found + ([(places[first], places[first + 1])] if crossed else [])
+
+
+def _crossed(beyond: Array) -> BoolArray:
+    """Tell between which neighbours which edges are crossed, shape (n_shares - 1, n_edges)."""
+    side = np.where(beyond > 0.0, 1.0, 0.0)
+    return np.asarray(np.abs(side[1:] - side[:-1]) > 0.0)
+
+
+def _touched(beyond: Array) -> BoolArray:
+    """Tell where the parabola through three neighbours is beyond an edge that they are not, or the reverse.
+
+    Shape (n_shares - 2, n_edges).
+    """
+    first, middle, last = beyond[:-2], beyond[1:-1], beyond[2:]
+    slope, bend = 0.5 * (last - first), first - 2.0 * middle + last
+    has_vertex = np.abs(slope) < np.abs(bend)
+    vertex = middle - np.where(has_vertex, 0.5 * slope**2 / np.where(has_vertex, bend, 1.0), 0.0)
+    return np.asarray(_crossed(np.stack([middle, vertex]))[0])

@@ -16,9 +16,14 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.piecewise import Piecewise
 
 if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
+
     from hfsim.deck.laws import Law
 
 
+SHARP = 1.0
+"""Change of the slope of a table by the jump of its second derivative, over an interval and relative to the
+slope there, from which steps end at the point between."""
 SLIDING = 4.0
 """Rate, in velocities, from which friction is as good as that of sliding: tanh is 0.9993 there."""
 
@@ -138,11 +143,14 @@ class TableSpring(Resistance):
         First and last stretch of the points.
     rest : float
         Where the stretch is zero.
+    bends : tuple of float
+        Stretches of points at which the curve bends sharply.
     """
 
     integral: Piecewise
     ends: tuple[float, float]
     rest: float
+    bends: tuple[float, ...]
 
     @classmethod
     def through(cls, table: Sequence[Sequence[float]], rest: float) -> TableSpring:
@@ -152,7 +160,12 @@ class TableSpring(Resistance):
         stretches, forces = np.array(table).T
         curve = PchipInterpolator(stretches, forces)
         ends = float(stretches[0]), float(stretches[-1])
-        return cls(Piecewise.of(curve.antiderivative()), ends, rest)
+        return cls(Piecewise.of(curve.antiderivative()), ends, rest, _sharp_bends(curve))
+
+    @property
+    def edges(self) -> tuple[float, ...]:
+        """Where it bends sharply: a step may come by what is between two of these."""
+        return tuple(self.rest + at for at in self.bends)
 
     def _places(self, s: Array) -> tuple[Array, Array]:
         """Return the stretch kept within the points, and how far it is beyond."""
@@ -181,6 +194,16 @@ class TableSpring(Resistance):
     def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
         """Return the derivative of the curve."""
         return self.integral(self._places(s)[0], 2), np.zeros_like(s)
+
+
+def _sharp_bends(curve: PchipInterpolator) -> tuple[float, ...]:
+    """Return the points of cubics at which the jump of the second derivative counts within an interval."""
+    places, (cubic, square) = curve.x, curve.c[:2]
+    lengths, secants = np.diff(places), np.abs(np.diff(curve(places)) / np.diff(places))
+    before, after = np.append(0.0, 2.0 * square + 6.0 * cubic * lengths), np.append(2.0 * square, 0.0)
+    shorter = np.minimum(np.append(np.inf, lengths), np.append(lengths, np.inf))
+    steeper = np.maximum(np.append(0.0, secants), np.append(secants, 0.0))
+    return tuple(places[np.abs(after - before) * shorter > SHARP * steeper].tolist())
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,9 @@ _TIMES = 400
 """Times at which the motions are compared."""
 _LEFT = 1e-3
 """Share of a disturbance that joints and drivers must leave of it; less is their rounding."""
+_TWICE, _SEEN = 1.4, 1e-2
+"""How near to two the ratio of distances is that a kick and its half make, and share of the extent of the
+motion from which it need not be: what friction leaves of a kick is less than the errors of both runs."""
 _WHOLE = 0.5
 """Part of the run that the disturbed one must reach to be compared."""
 
@@ -105,8 +108,25 @@ def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, guard: P
     system, path = scene.system, done.trajectory
     if (system.n > DENSE and not system.linearizes) or path.t_start > 0.0 or path.condensed:
         return None
-    speed = _largest_speed(system, *path.at(np.linspace(0.0, path.t_end, _TIMES + 1)))
+    states = path.at(np.linspace(0.0, path.t_end, _TIMES + 1))
+    speed, extent = _largest_speed(system, *states), float(np.ptp(system.absolute(states[0]), axis=0).max())
     kick = min(KICK * solve.tolerance, _MOST_KICK) * speed * _slow_direction(scene, done)
+    apart = _apart(scene, done, solve, guard, kick)
+    if apart is None:
+        return None
+    found = growth_of(*apart)
+    if found.unstable:
+        half = _apart(scene, done, solve, guard, 0.5 * kick)
+        if half is None or not _of_the_kick(apart[1], half[1], extent):
+            return None
+    return found
+
+
+def _apart(
+    scene: Scene, done: Integration, solve: SolveSpec, guard: Progress, kick: Array
+) -> tuple[Array, Array] | None:
+    """Return times, and how far a run with disturbed rates is from an undisturbed one, if enough is known."""
+    system, path = scene.system, done.trajectory
     start, rates = system.project(np.zeros(1), scene.q[None], scene.v[None] + kick)
     if np.abs(rates[0] - scene.v).max(initial=0.0) <= _LEFT * np.abs(kick).max(initial=0.0):
         return None
@@ -119,7 +139,14 @@ def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, guard: P
         return None
     times = np.linspace(0.0, end, _TIMES + 1)
     apart = system.absolute(again.at(times)[0]) - system.absolute(path.at(times)[0])
-    return growth_of(times, np.abs(apart).max(axis=1))
+    return times, np.abs(apart).max(axis=1)
+
+
+def _of_the_kick(apart: Array, half: Array, extent: float) -> bool:
+    """Tell whether distances are twice those of half the kick, or so large that this need not be."""
+    last = min(len(apart), len(half))
+    largest, smaller = apart[:last].max(), half[:last].max()
+    return bool(smaller > _SEEN * extent or 1.0 / _TWICE < 0.5 * largest / smaller < _TWICE)
 
 
 def _largest_speed(system: System, q: Array, v: Array) -> float:

@@ -78,5 +78,7 @@ def _vibration(scene: Scene, done: Integration) -> dict[str, Any]:
     ends = np.concatenate([step.series[-2:] for step in steps])
     parts = np.abs(np.linalg.solve(shapes, (ends @ modes.basis).T)) * size[:, None]
     k = int(np.argmax(parts.max(axis=1)))
+    if not frequency[k]:
+        return {"frequency": None, "item": ""}
     item = body_of(scene, np.abs(moved[:, k]))
     return {"frequency": float(frequency[k]) / (2.0 * np.pi), "item": item}

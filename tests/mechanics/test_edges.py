@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hfsim.mechanics.edges import Edges
-from hfsim.mechanics.resistances import SLIDING, Friction, LinearSpring, Stop
+from hfsim.mechanics.resistances import SLIDING, Friction, LinearSpring, Stop, TableSpring
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
@@ -28,6 +28,10 @@ def test_edges_are_those_of_the_laws():
     assert stop.edges == pytest.approx((0.4, 0.3))
     assert Friction(2.0, 0.1).rate_edges == pytest.approx((-0.1 * SLIDING, 0.1 * SLIDING))
     assert LinearSpring(3.0, 1.0).edges == LinearSpring(3.0, 1.0).rate_edges == ()
+    latch = TableSpring.through([[-0.5, 0.0], [0.0, 0.0], [0.01, 200.0], [0.02, 0.0], [2.0, 0.0]], 1.0)
+    assert latch.edges == pytest.approx((1.0, 1.02))
+    smooth = [[s, 100.0 * s + 40.0 * s**3] for s in np.linspace(-1.0, 1.0, 21)]
+    assert TableSpring.through(smooth, 1.0).edges == ()
 
 
 class Part:
@@ -86,6 +90,64 @@ def test_what_is_at_the_ends_is_no_edge_inside():
 def test_of_two_edges_close_to_each_other_the_first_counts():
     found = edges_of(1.603, 1.601).first(step_along(lambda t: t))
     assert 0.6 < found < 0.603
+
+
+@pytest.mark.parametrize("beyond", [1e-2, 1e-5])
+def test_an_edge_that_is_touched_between_two_looks_is_found(beyond):
+    """A path that turns round at 3 just behind it, here away from where it is looked at."""
+    step = step_along(lambda t: 3.0 - (t - 1.777) ** 2)
+    found = edges_of(3.0 - beyond).first(step)
+    assert 0.777 - beyond**0.5 <= found < 0.777
+    assert edges_of(3.0 + beyond).first(step) == step.h
+
+
+BARRIER = """
+hfsim: 1
+gravity: [0.0, 0.0]
+bodies: {cart: {type: rigid, mass: 1.0, inertia: 0.1}}
+joints: {rail: {type: prismatic, between: [ground, cart]}}
+springs: {latch: {type: two_point, between: [ground, cart], rest_length: 1.0,
+                  table: [[-0.5, 0.0], [0.0, 0.0], [0.01, 200.0], [0.02, 0.0], [2.0, 0.0]]}}
+initial: {cart: {position: [0.6, 0.0], velocity: [1.0, 0.0]}}
+solve: {duration: 2.0}
+output: {channels: [cart.x]}
+"""
+THROWN = """
+hfsim: 1
+gravity: [0.0, -9.81]
+bodies: {cart: {type: rigid, mass: 1.0, inertia: 0.1}}
+joints: {rail: {type: prismatic, between: [ground, cart], axis: [0, 1],
+                stops: {upper: 127.0, stiffness: 1.0e+5, transition: 1.0e-4}}}
+initial: {cart: {velocity: [0.0, 50.0]}}
+solve: {duration: 10.2}
+output: {channels: [cart.y]}
+"""
+
+
+@pytest.mark.parametrize("method", ["auto", "gauss", "radau", "energy", "explicit"])
+def test_no_step_passes_through_a_table(method):
+    """It stores 1 J, more than the cart has, within 20 mm; steps were of metres."""
+    run = simulate(parse_deck(BARRIER, "barrier", [f"solve.method={method}"]), error_estimate=False)
+    assert run.final["cart.x"] == pytest.approx(-0.5784, abs=1e-3)
+
+
+@pytest.mark.parametrize("method", ["auto", "gauss", "radau", "explicit"])
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-8])
+def test_no_step_passes_by_a_stop_that_is_hardly_touched(method, tolerance):
+    """It turns round at 127.421 m; without the stop it falls to -0.316 m."""
+    settings = ["joints.rail.stops.upper=127.4", f"solve.method={method}", f"solve.tolerance={tolerance}"]
+    run = simulate(parse_deck(THROWN, "thrown", settings), error_estimate=False)
+    assert run.final["cart.y"] == pytest.approx(-6.449, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("method", "tolerance"), [("generalized_alpha", 1e-3), ("gear", 1e-9), ("gear", 1e-11)]
+)
+def test_few_steps_are_made_before_and_behind_a_stop(method, tolerance):
+    """None of them ever shorter up to the edge, and none of the length that the contact asked for."""
+    settings = [f"solve.method={method}", f"solve.tolerance={tolerance}", "solve.max_steps=400"]
+    run = simulate(parse_deck(THROWN, "thrown", settings), error_estimate=False)
+    assert run.status == "done" and run.statistics["rejected"] < 100
 
 
 def test_long_steps_do_not_blur_contacts():

@@ -82,6 +82,18 @@ initial: {mast: {angle: 90 deg}}
 solve: {duration: 5.0}
 """
 """Greenhill: it bears its weight up to (7.837 E I / (rho A g))^(1/3) = 0.166 m."""
+DRAGGED = """hfsim: 1
+gravity: [0.0, 0.0]
+bodies:
+  belt: {type: rigid, mass: 5.0, inertia: 0.02, points: {hook: [0.5, 0.0]}}
+  block: {type: rigid, mass: 1.0, inertia: 0.02}
+joints:
+  guide: {type: prismatic, between: [ground, belt]}
+  lead: {type: driver, between: [ground, belt], position: {type: constant_rate, rate: 0.1}}
+  rail: {type: prismatic, between: [ground, block], friction: {force: 5.0, velocity: 0.001}}
+springs: {pull: {type: two_point, between: [block, belt.hook], stiffness: 200.0, rest_length: 0.5}}
+solve: {duration: 2.0}
+"""
 SHAKEN = """hfsim: 1
 gravity: [0.0, -9.81]
 bodies:
@@ -406,6 +418,12 @@ def test_what_only_rests_under_its_weight_is_told(text, rate, stable):
     assert doubt["class"] == "physical" and "under weight" in doubt["reason"]
     assert rate is None or doubt["evidence"]["growth_rate"] == pytest.approx(rate, rel=0.1)
     assert diagnosed(text, stable).statistics["suspicion"] is None
+
+
+@pytest.mark.parametrize("settings", [("gear", 1e-9), ("gauss", 0.1)])
+def test_errors_that_grow_where_friction_has_eaten_a_disturbance_are_no_instability(settings):
+    updates = (f"solve.{name}={value}" for name, value in zip(("method", "tolerance"), settings, strict=True))
+    assert diagnosed(DRAGGED, *updates).statistics["suspicion"] is None
 
 
 def test_parametric_resonance_is_physical():
