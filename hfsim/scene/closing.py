@@ -261,9 +261,9 @@ class Linkage:
     def search(self, x: Array, free: BoolArray) -> list[Array]:
         """Return all places found near which, from places (n_batch, n) on, the joints hold."""
         found = self.descend(x, free)
-        return [one for one in found if self.close(one, free) < CLOSED and self._right_way_round(one)]
+        return [one for one in found if self.close(one, free) < CLOSED and self.right_way_round(one)]
 
-    def _right_way_round(self, x: Array) -> bool:
+    def right_way_round(self, x: Array) -> bool:
         """Tell whether axes that joints hold point the same way at places (n,)."""
         pairs = ((a.turned(x[None], own), b.turned(x[None], other)) for _, a, b, own, other in self.senses)
         return all(float(np.sum(own * other)) > 0.0 for own, other in pairs)

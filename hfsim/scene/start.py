@@ -16,7 +16,7 @@ import numpy as np
 from hfsim.errors import DeckError
 from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.matrices import smallest_step
-from hfsim.maths.rotations import freedoms, rotation_vector, wrap
+from hfsim.maths.rotations import freedoms, rotation, rotation_vector, wrap
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.pose import Twist
 from hfsim.scene.assembly import Assembly, Branches, Change, Turn
@@ -52,6 +52,7 @@ def assembled(start: Start) -> Assembly:
     """
     place = start.stated("position", "angle")
     _hand_on(start, place, lambda tie: tie.target(AT_START))
+    _hand_on_faces(start, place)
     _refuse_twists(start, place)
     closed, branches = _settle(start, place)
     rates = start.stated("velocity", "angular_velocity")
@@ -91,6 +92,31 @@ def _hand_on(start: Start, given: Stated, step: Callable[[Constraint], Array]) -
             turns[k], unknown[k] = turn, False
 
 
+def _hand_on_faces(start: Start, place: Stated) -> None:
+    """Take turns in space that are not stated from other bodies, along the joints that hold three axes."""
+    link = start.linkage
+    turns = place.values.reshape(len(start.names), -1)[:, start.n_dim :]
+    unknown = place.open.reshape(len(start.names), -1)[:, start.n_dim :]
+
+    def is_known(number: int | None) -> bool:
+        return number is GROUND or not unknown[number].any()
+
+    def handed_on() -> bool:
+        for _, (a, b), held, faced in link.faced(place.values):
+            first, second = link.owner(a), link.owner(b)
+            if is_known(first) != is_known(second):
+                forth, back = (second, a, held @ faced.T), (first, b, held.T @ faced)
+                own, end, turn = forth if is_known(first) else back
+                axes = np.stack([end.turned(place.values[None], e)[0] for e in np.eye(3)], axis=1)
+                turns[own] = rotation_vector(axes @ turn @ axes.T @ rotation(turns[own]))
+                unknown[own] = False
+                return True
+        return False
+
+    while handed_on():
+        pass
+
+
 def _refuse_twists(start: Start, place: Stated) -> None:
     """Refuse angles that a joint fixes outright and that miss it by far: no loop makes such guesses."""
     unknown = place.open & start.linkage.turns
@@ -98,8 +124,13 @@ def _refuse_twists(start: Start, place: Stated) -> None:
         off = largest(tie.residual(AT_START, place.values[None]))
         if off > ROUGH_TURN and not any(unknown[marker.columns].any() for marker in tie.ends):
             raise contradicted(start, place, tie, off)
+    _refuse_faces(start, place.values, unknown)
+
+
+def _refuse_faces(start: Start, x: Array, unknown: BoolArray) -> None:
+    """Refuse known orientations at places (n,) that joints which hold three axes miss by far."""
     wrong = []
-    for item, ends, held, faced in start.linkage.faced(place.values):
+    for item, ends, held, faced in start.linkage.faced(x):
         off = float(np.linalg.norm(rotation_vector(held.T @ faced)))
         if off > ROUGH_ANGLE and not any(unknown[marker.columns].any() for marker in ends):
             wrong.append(misfaced(start, item, off, faced))
@@ -117,7 +148,7 @@ def _settle(start: Start, place: Stated) -> tuple[dict[str, Turn], Branches]:
         As in `Assembly`.
     """
     link, x, free = start.linkage, place.values, ~place.stated
-    if link.close(x, free & ~link.turns) < CLOSED:
+    if link.close(x, free & ~link.turns) < CLOSED and link.right_way_round(x):
         return {}, partial(_told_ways, start, place, free)
     begin = x.copy()
     starts = link.starts(begin, place.open & link.turns)
@@ -211,7 +242,10 @@ def _guesses(start: Start, place: Stated, starts: Array) -> list[Array]:
     best = link.nearest(ends)
     found = link.search(best[None], ~place.exact) or link.search(ends, ~place.exact)
     if not found:
-        raise cannot_close(start, place, *link.cut(ends, ~place.exact))
+        opened, size = link.cut(ends, ~place.exact)
+        if size < CLOSED:  # the other way round, all would
+            _refuse_faces(start, best, np.zeros(len(best), dtype=bool))
+        raise cannot_close(start, place, opened, size)
     near = min(
         (_near(link, one, x) for one in found),
         key=lambda one: largest(((one - x) / link.units)[place.stated]),

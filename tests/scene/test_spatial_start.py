@@ -278,3 +278,28 @@ def test_welds_that_stated_orientations_contradict_are_all_named_with_what_they_
     R = turns(scene(joints, initial))
     assert R["arm"] == pytest.approx(rotation(np.array([0.0, -np.pi / 2, 0.0])), abs=1e-8)
     assert R["bob"] == pytest.approx(rotation(np.array([2 * np.pi / 3, 0.0, 0.0])), abs=1e-8)
+
+
+BASE = "  base: {type: fixed, between: [ground.o, hub], orientation: {axis: [0.0, 1.0, 0.0], angle: 20 deg}}\n"
+
+
+@pytest.mark.parametrize("first", [BASE, AXLE + MOTOR], ids=["fixed", "driven"])
+@pytest.mark.parametrize("angle", [180.0, 170.0, 100.0])
+def test_a_stated_orientation_that_a_weld_contradicts_through_another_body_is_refused(first, angle):
+    """At half a turn its equations hold: axes that point in opposite ways are at right angles to others too."""
+    stated = f"arm: {{orientation: {{axis: [0.0, 0.0, 1.0], angle: {angle} deg}}}}"
+    with pytest.raises(DeckError) as refusal:
+        scene(first + WELD + WRIST, stated)
+    (problem,) = refusal.value.problems
+    assert "contradict this joint by" in problem.message
+    assert first != BASE or problem.path == "joints.weld"
+    scene(first + WELD + WRIST)
+
+
+def test_unstated_orientations_follow_along_welds():
+    """From either end, also where both of its frames are turned."""
+    weld = "  weld: {type: fixed, between: [arm.root, hub.rim], orientation: {axis: [1.0, 2.0, 0.5], angle: 50 deg}}\n"
+    R = turns(scene(BASE + weld + WRIST))
+    base, held = (rotation(np.radians(a) * np.array(v) / np.linalg.norm(v)) for a, v in ((20.0, [0, 1, 0]), (50.0, [1, 2, 0.5])))
+    assert R["hub"] == pytest.approx(base, abs=1e-12)
+    assert R["arm"] @ held == pytest.approx(R["hub"], abs=1e-12)
