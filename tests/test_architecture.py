@@ -242,6 +242,18 @@ def test_a_run_imports_no_more_than_it_needs(tmp_path):
     assert not loaded & NOT_NEEDED
 
 
+def test_a_run_without_pictures_looks_for_no_edges_of_bodies(tmp_path):
+    """That takes a package of 0.1 s; how far bodies reach is known without."""
+    deck = tmp_path / "body.yaml"
+    deck.write_text(
+        "hfsim: 1\nname: body\nsolve: {duration: 0.01}\n"
+        "bodies: {b: {type: rigid, mass: 1.0, inertia: [1.0, 1.0, 1.0], points: {p: [1, 0, 0], q: [0, 1, 0], r: [0, 0, 1]}}}\n"
+    )
+    code = f"from hfsim.cli import main\nsys.argv[1:] = ['run', {str(deck)!r}, '--no-plots', '-q', '-o', {str(tmp_path / 'o')!r}]\nmain()\n"
+    loaded = modules_after(code)
+    assert "numpy" in loaded and "scipy.spatial" not in loaded
+
+
 def test_what_stands_in_for_a_module_gives_way_to_it():
     code = (
         "from hfsim.cli import _leave_out\n"

@@ -205,7 +205,7 @@ def channel_scales(
 def reference_scales(samples: Samples, channels: Sequence[Channel]) -> tuple[ChannelScale, ...]:
     """Return the `channel_scales` of a reference, from the samples that its channels were computed of."""
     scene = samples.scene
-    outlines = {name: body.outline(samples.x) for name, body in scene.bodies.items()}
+    outlines = {name: body.extent(samples.x) for name, body in scene.bodies.items()}
     # a conserved energy has no range to be measured by; the energy drift tells of it
     return channel_scales(channels, outlines, conserved=not scene.system.exchanges_power)
 
@@ -216,8 +216,10 @@ def scene_sizes(scene: Scene) -> dict[str, float]:
     Forces are measured by what stretches a beam by `STRETCHED`: smaller ones by far are its rounding.
     """
     x = scene.system.absolute(scene.q[None])
-    points = [outline[0] for body in scene.bodies.values() if (outline := body.outline(x)).size]
+    points = [extent[0] for body in scene.bodies.values() if (extent := body.extent(x)).size]
     length = max((float(np.ptp(one, axis=0).max()) for one in points), default=0.0)
+    if not length and points:  # of places alone, and the origin
+        length = float(np.ptp(np.vstack([*points, 0.0 * points[0]]), axis=0).max())
     rate = 1.0 / scene.deck.solve.duration
     names = scene.deck.models(scene.model)
     stiff = (scene.deck.section_properties(name).at(_ALONG).axial_stiffness for name in names)

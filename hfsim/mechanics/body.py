@@ -144,17 +144,18 @@ class Body:
         """Return the rates of the undeformed body in rigid motion, shape (n_columns,)."""
         raise NotImplementedError
 
-    def outline(self, x: Array) -> Array:
-        """Return points along the body for pictures, shape (n_batch, n_points, n_dim).
-
-        Its origin and its named points; in space the edges of what they enclose.
-        """
+    def extent(self, x: Array) -> Array:
+        """Return its origin and named points, of beams points of the line, (n_batch, n_points, n_dim)."""
         places = [self.origin, *self.points.values()]
-        if self.n_dim == 3:
-            from hfsim.maths.hull import wire
-
-            places = [places[k] for k in wire(np.array(places))]
         return np.stack([self.marker(place).position(x) for place in places], axis=1)
+
+    def outline(self, x: Array) -> Array:
+        """Return the same for pictures, in the order of a line; in space the edges of what they enclose."""
+        if self.n_dim == 2:
+            return self.extent(x)
+        from hfsim.maths.hull import wire
+
+        return self.extent(x)[:, wire(np.array([self.origin, *self.points.values()]))]
 
     @property
     def outline_places(self) -> Array:

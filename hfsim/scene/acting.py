@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -51,9 +51,13 @@ def acting(
     return found
 
 
-def beyond_stops(system: System, x: Array) -> Iterator[tuple[str, str]]:
-    """Yield, with its item, what is far beyond a stop in a state (n,) at the start."""
-    edged = [part for part in system.forces if part.has_edges]
+def beyond_stops(system: System, x: Array, resting: Iterable[Body]) -> Iterator[tuple[str, str]]:
+    """Yield, with its item, what is far beyond a stop in a state (n,) at the start, and does not rest there."""
+    starts = {body.columns.start for body in resting}
+    edged = [
+        part for part in system.forces
+        if part.has_edges and not all(m.grounded or m.columns.start in starts for m in part.markers)
+    ]  # fmt: skip
     if not edged:
         return
     from hfsim.mechanics.ties import Tie

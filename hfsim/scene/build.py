@@ -127,7 +127,8 @@ class Scene:
         """What looks wrong with the start: guesses far off, motions that can hardly be meant to be free."""
         found = list(self.assembly.warnings())
         looks = slips(self.deck, self.assembly, self.free_motions or [])
-        thrown = beyond_stops(self.system, self.system.absolute(self.q[None])[0])
+        resting = [self.bodies[name] for name in self.deck.resting if name in self.bodies]
+        thrown = beyond_stops(self.system, self.system.absolute(self.q[None])[0], resting)
         told = (*self.redundancy.told(self.loaded), *self._not_borne(), *thrown)
         for path, what in (*looks, *told):
             line = self.loaded.line_of(path)

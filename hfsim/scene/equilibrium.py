@@ -277,7 +277,7 @@ def gauge_of(scene: Assembled) -> Gauge:
         metric = equations.constant_mass
         metric = metric if equations.ballast is None else metric + equations.ballast
     bodies = [(k, body) for k, body in enumerate(scene.bodies.values()) if not body.still]
-    outlines = [body.outline(x)[0] for body in scene.bodies.values()]
+    outlines = [body.extent(x)[0] for body in scene.bodies.values()]
     every = np.concatenate([*outlines, *(np.array([p]) for p in scene.deck.ground.points.values())])
     whole = float(np.ptp(every, axis=0).max()) or 1.0
     sizes = []

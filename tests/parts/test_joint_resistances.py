@@ -134,6 +134,25 @@ def test_what_starts_beyond_its_stop_is_told(upper, warned):
     assert any("joints.joint (line" in one and "starts 0.2 m beyond its stop" in one for one in warnings) == warned
 
 
+ROPE = """
+hfsim: 1
+gravity: [0.0, -9.81]
+bodies: {{load: {{type: rigid, mass: 100.0, inertia: 1.0}}}}
+springs: {{rope: {{type: two_point, between: [ground, load], stops: {{upper: 2.0, stiffness: 1.0e+5}}}}}}
+initial: {{load: {{position: [0.0, {start}]}}, equilibrium: {rests}}}
+solve: {{duration: 1.0}}
+output: {{channels: [load.y]}}
+"""
+
+
+@pytest.mark.parametrize(("rests", "start"), [("true", -2.0), ("false", -2.0098)])
+def test_what_rests_on_its_stop_is_not_thrown_back_and_hardly_moves(rests, start):
+    """A load of 981 N on a rope; a body without points has no size: the distance from the ground counts."""
+    run = simulate(parse_deck(ROPE.format(rests=rests, start=start)))
+    assert any("beyond its stop" in one for one in run.statistics["warnings"]) == (rests == "false")
+    assert run.statistics["error_estimate"] < 1e-3
+
+
 WORKS = {
     "hfsim": 1,
     "gravity": [0.0, 0.0, -9.81],

@@ -208,6 +208,8 @@ class LowOrderBody(Body):
         """Return points of the centre line."""
         return self.line(x, self.beam.mesh.outline_places)
 
+    extent = outline
+
     def deformation(self, x: Array, u: Array) -> Deformation:
         """Return that of w and v."""
         _, _, w, v = self.beam.split(x)

@@ -36,6 +36,8 @@ class RigidBeam(PlanarRigidSectionBeam):
         """Return root and tip."""
         return np.stack([self.marker(self.points[name]).position(x) for name in ("root", "tip")], axis=1)
 
+    extent = outline
+
     def statics(self, x: Array, u: Array, ax: Array, loads: Iterable[Load]) -> Deformation:
         """Return stretch and bending by inertia, weight and loads."""
         mesh = self.beam.mesh

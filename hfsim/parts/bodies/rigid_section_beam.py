@@ -99,6 +99,8 @@ class RigidSectionBeam(Body):
         origin = self.marker(self.origin).position(x)[:, None]
         return np.asarray(origin + points @ self._frame(x).swapaxes(1, 2))
 
+    extent = outline
+
     def folded(self, pose: Pose) -> FoldedBody:
         """Return the same body held for ever at a pose."""
         points = {name: self.reference(place) for name, place in self.points.items()}

@@ -80,6 +80,8 @@ class SpatialRigidBeam(VectorBody):
         """Return root and tip."""
         return self.vectors(x)
 
+    extent = outline
+
     def own_constraints(self) -> Iterator[Constraint]:
         """Yield what keeps the length."""
         yield UnitAxis.of(self.marker(self.origin), self.item)

@@ -91,6 +91,8 @@ class VectorBeam(VectorBody):
         """Return points of the centre line."""
         return self.line(x, self.outline_places)
 
+    extent = outline
+
     def fibres(self, places: Array) -> Fibres | None:
         """Return those of its sections."""
         return self.mesh.at(places).fibres

@@ -99,7 +99,7 @@ class About:
     def size(self) -> float:
         """Largest distance of points of the bodies along an axis [m]."""
         outlines = [
-            body.outline(self.motions.x[None])[0] for body in self.scene.bodies.values() if not body.still
+            body.extent(self.motions.x[None])[0] for body in self.scene.bodies.values() if not body.still
         ]
         return float(np.ptp(np.concatenate(outlines), axis=0).max()) or 1.0
 
