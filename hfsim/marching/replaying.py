@@ -9,7 +9,7 @@ import numpy as np
 
 from hfsim.integrators import Recordings
 from hfsim.maths.arrays import Array
-from hfsim.mechanics.projection import Through, Weakly
+from hfsim.mechanics.projection import Through, Weakly, directly
 
 
 class Replaying:
@@ -35,7 +35,8 @@ class Replaying:
     @property
     def through(self) -> Through:
         """What functions of so many states are called through, by their names."""
-        return Weakly(self._called)  # recordings keep what they are made of, and this keeps them
+        # recordings keep what they are made of, and this keeps them
+        return Weakly(self._called) if self._native else directly
 
     def _called(self, name: str, function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
         if not self._native:

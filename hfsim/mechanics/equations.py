@@ -9,7 +9,7 @@ the matrix depends on the state and joints depend on many coordinates.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -286,6 +286,10 @@ class Equations:
         gap = (J @ (free @ reading)[..., None])[..., 0] - gamma
         multipliers = np.linalg.solve(J @ mobility @ J.swapaxes(1, 2), gap[..., None])[..., 0]
         return free - (multipliers[:, None, :] @ J)[:, 0] @ spreading, multipliers
+
+    def constrained_at(self, x: Array) -> Callable[[Array, Array], tuple[Array, Array]]:
+        """Return what `constrained` does in states (n_batch, n_x), for several forces and gammas."""
+        return partial(self.constrained, x) if self.by_nodes is None else self.by_nodes.at(x)
 
     @cached_property
     def by_nodes(self) -> NodeSolution | None:

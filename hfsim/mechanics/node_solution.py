@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -120,12 +120,18 @@ class NodeSolution:
 
     def solve(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
         """Return accelerations (n_batch, n) and multipliers (n_batch, n_rows) for forces f (n_batch, n)."""
-        return self._solved([kind.at(x) for kind in self.nodes], self.joints.at_joints(x), f, gamma)
+        return self.at(x)(f, gamma)
+
+    def at(self, x: Array) -> partial[tuple[Array, Array]]:
+        """Return what does so in states (n_batch, n_x), for several forces and gammas."""
+        at, J = [kind.at(x) for kind in self.nodes], self.joints.at_joints(x)
+        return partial(self._solved, at, J, self._answers(at, J, len(x)) if len(self.rows) else None)
 
     def missing(self, x: Array, f: Array, gamma: Array, a: Array) -> tuple[Array, Array]:
         """Return what accelerations a (n_batch, n) miss of the solution, and what the rows miss."""
-        at, J = [kind.at(x) for kind in self.nodes], self.joints.at_joints(x)
-        missing = self._solved(at, J, f, gamma)[0] - a
+        solve = self.at(x)
+        at, J, _ = solve.args
+        missing = solve(f, gamma)[0] - a
         return missing, self._opening(at, J, missing)
 
     def _opening(self, at: Sequence[AxesAt], J: Array, a: Array) -> Array:
@@ -145,9 +151,10 @@ class NodeSolution:
             pull[:, kind.free] += (multipliers[:, kind.rows][..., None, :] @ own.jacobian)[..., 0, :]
         return pull
 
-    def _solved(self, at: Sequence[AxesAt], J: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
+    def _solved(
+        self, at: Sequence[AxesAt], J: Array, answers: _Answers | None, f: Array, gamma: Array
+    ) -> tuple[Array, Array]:
         """Return accelerations and multipliers; with slender bodies also of what rounding leaves."""
-        answers = self._answers(at, J, len(f)) if len(self.rows) else None
         a, multipliers = self._solved_once(at, J, answers, f, gamma)
         if self._slender:
             left = f - a @ self.mass - self._pull(at, J, multipliers)

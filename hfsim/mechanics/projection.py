@@ -16,13 +16,18 @@ from hfsim.mechanics.equations import Equations
 CLOSED = 1e-9
 """Violation of joints, relative to the largest coordinate (or 1), that may be left."""
 ROUNDING = 1e-13
-"""Violation, relative to the largest coordinate or rate (or 1), at which there is nothing to move."""
+"""Violation, relative to the largest coordinate or rate (or 1), at which there is nothing to move.
+
+It is also the largest product of two for which what solved for one correction serves for the other.
+"""
 MOST = 8
 """Corrections of the positions."""
 
 SEEN, CLOSER, STEADIER = "constraints", "projected positions", "projected rates"
 """Names of the functions of a `Projection`, in the order in which they may be called."""
 
+Solve = Callable[[Array, Array], tuple[Array, Array]]
+"""Solves the equations in some states for forces and for what the joints ask for."""
 Through = Callable[[str, Callable[..., Any], tuple[Any, ...]], Any]
 """Calls a function of arrays, which has a name, and returns what it returns."""
 
@@ -103,13 +108,18 @@ class Projection:
     def _moved(self, t: Array, q: Array, v: Array, strict: bool) -> tuple[Array, Array]:
         many, corrections = "" if len(q) == 1 else f" of {len(q)} states", 0
         x, u, gap, miss, drift, slip = self.through(SEEN + many, self.seen, (t, q, v))
+        known: tuple[Solve, ...] = ()
+        before = np.inf
         while not float(miss) <= ROUNDING and corrections < MOST:
             corrections += 1
-            x, gap, miss, drift, slip = self.through(CLOSER + many, self.closer, (t, x, u, gap))
+            if self.through is directly and not before * float(miss) <= ROUNDING:
+                known, before = (self.system.equations.constrained_at(x),), float(miss)
+            x, gap, miss, drift, slip = self.through(CLOSER + many, self.closer, (t, x, u, gap, *known))
         if strict and corrections == MOST and not _largest(gap) <= CLOSED * max(1.0, _largest(x)):
             raise np.linalg.LinAlgError("the joints cannot be closed")
         if float(slip) > ROUNDING:
-            found: tuple[Array, Array] = self.through(STEADIER + many, self.steadier, (q, x, u, drift))
+            given = (q, x, u, drift, *(known if before * float(slip) <= ROUNDING else ()))
+            found: tuple[Array, Array] = self.through(STEADIER + many, self.steadier, given)
             return found
         return self.system.state(x, u, q) if corrections else (q, v)
 
@@ -120,14 +130,18 @@ class Projection:
         u = self.system.absolute_velocity(q, v, frames)
         return x, u, *self._gap(t, x), *self._drift(t, x, u)
 
-    def closer(self, t: Array, x: Array, u: Array, gap: Array) -> tuple[Array, ...]:
+    def closer(
+        self, t: Array, x: Array, u: Array, gap: Array, solve: Solve | None = None
+    ) -> tuple[Array, ...]:
         """Return coordinates with a gap corrected, and what `_gap` and `_drift` do."""
-        x = x - self._correction(x, gap)
+        x = x - self._correction(x, gap, solve)
         return x, *self._gap(t, x), *self._drift(t, x, u)
 
-    def steadier(self, q: Array, x: Array, u: Array, drift: Array) -> tuple[Array, Array]:
+    def steadier(
+        self, q: Array, x: Array, u: Array, drift: Array, solve: Solve | None = None
+    ) -> tuple[Array, Array]:
         """Return the state of absolute coordinates near q and of rates with a drift corrected."""
-        return self.system.state(x, u - self._correction(x, drift), q)
+        return self.system.state(x, u - self._correction(x, drift, solve), q)
 
     def _gap(self, t: Array, x: Array) -> tuple[Array, Array]:
         """Return Phi, and the largest over the size of what its row compares."""
@@ -141,10 +155,13 @@ class Projection:
         drift = self.system.equations.phi.drift(t, x, u)
         return drift, np.abs(drift).max(initial=0.0) / np.maximum(1.0, np.abs(u).max(initial=0.0))
 
-    def _correction(self, x: Array, gap: Array) -> Array:
-        """Return the smallest move, measured by the mass matrix, that changes Phi by ``gap``."""
-        equations = self.system.equations
-        moves = equations.constrained(x, np.zeros((len(x), equations.n)), gap)[0]
+    def _correction(self, x: Array, gap: Array, solve: Solve | None) -> Array:
+        """Return the smallest move, measured by the mass matrix, that changes Phi by ``gap``.
+
+        Without what solves the equations near x they are solved there.
+        """
+        equations, nothing = self.system.equations, np.zeros((len(x), self.system.equations.n))
+        moves = (solve(nothing, gap) if solve else equations.constrained(x, nothing, gap))[0]
         return equations.reduction.expand_rates(moves)
 
 

@@ -52,7 +52,7 @@ def acting(
 
 
 def beyond_stops(system: System, x: Array, resting: Iterable[Body]) -> Iterator[tuple[str, str]]:
-    """Yield, with its item, what is far beyond a stop in a state (n,) at the start, and does not rest there."""
+    """Yield, with its item, what is far beyond a stop in a state (n,) at the start, not at rest there."""
     starts = {body.columns.start for body in resting}
     edged = [
         part for part in system.forces
