@@ -98,7 +98,7 @@ def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, guard: P
     Growth or None
         None if nothing is free to be disturbed, or too little of the second run was done, or the scene is
         too large for dense algebra and has no other; or if not all of the run is known, as it was taken up
-        again or is too long to be kept.
+        again or is too long to be kept; or if what grows is none of the disturbance.
 
     Raises
     ------
