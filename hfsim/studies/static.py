@@ -15,6 +15,7 @@ from hfsim.marching.sampling import SceneSamples, compute_channels, outlines_of
 from hfsim.marching.solution import Channel, Run
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
+from hfsim.mechanics.pose import Twist
 from hfsim.mechanics.statics.buckling import critical_factors
 from hfsim.mechanics.statics.equilibrium import HOLD, Equilibrium
 from hfsim.mechanics.statics.newton import Effort, NotFoundError
@@ -24,6 +25,7 @@ from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.joints.driver import DriverSpec
 from hfsim.scene.build import Scene, build
 from hfsim.scene.equilibrium import (
+    GRAVITY,
     Turns,
     doubts,
     equilibrium_of,
@@ -46,15 +48,30 @@ NO_MESH = "not measured: compare with more elements"
 
 @frozen
 class StaticSamples(SceneSamples):
-    """States at rest: joints that move by themselves count as if they stood."""
+    """States at rest: joints that move by themselves count as if they stood.
+
+    Attributes
+    ----------
+    weight : float
+        Share of the weight that acts.
+    """
+
+    weight: float = 1.0
 
     @cached_property
     def solved(self) -> tuple[Array, Array]:
-        """Accelerations, which are zero, and the multipliers of all joints, (n_times, n_rows)."""
-        system = self.scene.system
+        """Accelerations, and the multipliers of all joints, (n_times, n_rows).
+
+        Bodies know their weight, and what falls with a share of it carries the rest; at rest with all of it.
+        """
+        system, falling = self.scene.system, np.zeros_like(self.x)
         own, force = system.unreduced, system.force(self.t, self.x, self.u)
         still = np.zeros((len(self.t), own.n_rows))
-        return np.zeros_like(self.x), own.constrained(self.x, own.reduction.free_force(force), still)[1]
+        gravity = (1.0 - self.weight) * np.array(self.scene.deck.gravity)
+        for name, body in self.scene.bodies.items() if gravity.any() else ():
+            for shift, size in zip(Twist.units(len(gravity)), gravity, strict=False):
+                falling[:, body.columns] += size * body.moving(self.scene.assembly.poses[name], shift)
+        return falling, own.constrained(self.x, own.reduction.free_force(force), still)[1]
 
 
 class Wish(NamedTuple):
@@ -246,7 +263,8 @@ def _sampled(scene: Scene, wish: Wish, row: _Row) -> StaticSamples:
     """Return the samples of a row, under its loads."""
     own = replace(scene, system=scaled(scene, wish.varied, row.load))
     angles = {name: np.array([angle]) for name, angle in row.angles.items()}
-    return StaticSamples(own, np.array([wish.t]), row.q, np.zeros_like(row.q), angles)
+    weight = row.load if wish.varied is None or GRAVITY in wish.varied else 1.0
+    return StaticSamples(own, np.array([wish.t]), row.q, np.zeros_like(row.q), angles, weight)
 
 
 def facts_of(scene: Scene, samples: StaticSamples, found: Equilibrium) -> dict[str, Any]:

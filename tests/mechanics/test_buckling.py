@@ -462,3 +462,79 @@ def test_a_follower_that_stays_keeps_its_skew_part_while_another_load_grows(elem
     found = critical_factors(problem_of(scene, 0.0, None, ("p",)), Effort(), 1)
     dead = brentq(lambda P: np.cos(np.sqrt(1.0 + P)) + 1.0 / P, 1.1, 8.0)
     assert found[0].load == pytest.approx(dead, rel=2e-3)
+
+
+DROOPING = """hfsim: 1
+gravity: {gravity}
+materials: {{g: {{density: 1000, youngs_modulus: 1 GPa, poisson_ratio: 0.3}}}}
+sections: {{s: {{shape: circle, diameter: 1 cm}}}}
+bodies: {{a: {{type: beam, material: g, section: s, length: 0.5, elements: 4, {more}}}}}
+joints: {{j: {{type: fixed, between: [ground, a.root]}}}}
+solve: {{duration: 1.0}}
+output: {{channels: [{channels}]}}
+"""
+
+
+@pytest.mark.parametrize("n_dim", [2, 3])
+@pytest.mark.parametrize(
+    "more", ["element: cable", "element: cosserat", "element: cable, model: lowOrder"]
+)
+def test_what_a_root_carries_on_a_path_is_what_its_joint_exerts(more, n_dim):
+    """The weight of the load factor, not all of it."""
+    gravity = [0.0, 0.0, -9.81] if n_dim == 3 else [0.0, -9.81]
+    shear, moment = ("_z", "_y") if n_dim == 3 else ("", "")
+    names = [f"a.root.shear_force{shear}", f"a.root.bending_moment{moment}"]
+    force, torque = f"j.force_{'z' if n_dim == 3 else 'y'}", f"j.moment{moment}"
+    text = DROOPING.format(gravity=gravity, more=more, channels=", ".join([*names, force, torque]))
+    found = hfsim.static(parse_deck(text), path=True)
+    assert found["load"][0] == 0.0 and found["load"][-1] == 1.0
+    assert found[names[0]] == pytest.approx(-found[force], abs=1e-7)
+    assert found[names[1]] == pytest.approx(-found[torque], abs=1e-7)
+    weight = 1000.0 * np.pi * 0.005**2 * 0.5 * 9.81
+    assert found[force] == pytest.approx(weight * found["load"], rel=1e-6, abs=1e-9)
+
+
+UPRIGHT = """hfsim: 1
+gravity: [0.0, 0.0]
+materials: {st: {density: 7850, youngs_modulus: 210 GPa, poisson_ratio: 0.3}}
+sections: {s: {shape: tube, outer_radius: 1.5, inner_radius: 1.47}}
+bodies: {a: {type: beam, material: st, section: s, length: 100, elements: 4}}
+joints: {j: {type: fixed, between: [ground, a.root], angle: 90 deg}}
+loads: {f: {type: force, at: a.tip, force: [0, -1.0e5]}}
+solve: {duration: 1.0}
+"""
+
+
+def test_a_column_that_leans_by_rounding_has_its_factors():
+    """The cosine of a right angle is 6e-17, and next to a factor it goes away by far more."""
+    upright = hfsim.static(parse_deck(UPRIGHT), buckling=2).statistics
+    along = UPRIGHT.replace("angle: 90 deg", "angle: 0 deg").replace("[0, -1.0e5]", "[-1.0e5, 0]")
+    lying = hfsim.static(parse_deck(along), buckling=2).statistics
+    assert upright["critical"] == pytest.approx(lying["critical"], rel=1e-7)
+    assert all(upright["critical_reached"])
+
+
+SHALLOW = """hfsim: 1
+gravity: [0.0, 0.0]
+parameters: {R: "${(0.25 + 0.0009) / 0.06}", al: "${asin(0.5 / R)}"}
+materials: {m: {density: 1200, youngs_modulus: 1 GPa}}
+sections: {s: {shape: rectangle, width: 1 cm, height: 1 cm}}
+ground: {points: {r: [1.0, 0]}}
+bodies:
+  a: {type: beam, element: cosserat, material: m, section: s, elements: 8, degree: 3,
+      axis: {arc: {radius: "${R}", angle: "${-2 * al}"}}, points: {mid: ["${al * R}", 0]}}
+joints:
+  j: {type: revolute, between: [ground, a.root]}
+  k: {type: revolute, between: [ground.r, a.tip]}
+loads: {f: {type: force, at: a.mid, force: [0, -20]}}
+initial: {a: {angle: "${al}"}}
+solve: {duration: 1}
+"""
+
+
+def test_an_arch_that_snaps_gives_way_before():
+    """Sideways at 4.36 N; straight through it would at 4.84 N, and a shallow arch at 4.379 N."""
+    found = hfsim.static(parse_deck(SHALLOW), check=False)
+    assert found.statistics["limit"] == pytest.approx(0.242, rel=0.01)
+    assert found.statistics["unstable_from"] == pytest.approx(0.21895, rel=0.01)
+    assert any("are not stable" in one for one in found.statistics["warnings"])

@@ -318,3 +318,47 @@ def test_a_disc_alone_on_like_bearings_is_seen_from_axes_that_turn():
     whirls = np.sqrt(square + polar**2 / 4.0) + polar / 2.0 * np.array([-1.0, 1.0])
     seen = np.sort(abs(whirls / (2.0 * np.pi) * [-1, 1] - turns))
     assert modes.frequencies[1:] == pytest.approx(seen, rel=1e-7)
+
+
+WHIRLING = """hfsim: 1
+gravity: [0.0, 0.0, 0.0]
+materials: {steel: {density: 1.0e-3, youngs_modulus: 210 GPa, poisson_ratio: 0.3, bending_damping: 0.0002, axial_damping: 0.0002}}
+sections: {rod: {shape: circle, diameter: 10 mm}}
+bodies:
+  left: {type: beam, material: steel, section: rod, length: 0.4, elements: 1, degree: 4}
+  right: {type: beam, material: steel, section: rod, length: 0.4, elements: 1, degree: 4}
+  disc: {type: rigid, mass: 3.0, inertia: [0.02, 0.0101, 0.0101]}
+joints:
+  b1: {type: revolute, between: [ground, left.root], axis: [1, 0, 0]}
+  h1: {type: fixed, between: [left.tip, disc]}
+  h2: {type: fixed, between: [disc, right.root]}
+  b2: {type: cylindrical, between: [ground, right.tip], axis: [1, 0, 0]}
+initial: {steady: {body: left, rate: [100, 0, 0]}}
+solve: {duration: 1.0}
+"""  # noqa: E501
+
+
+def test_a_shaft_that_its_inner_damping_makes_unstable_is_followed_through_its_critical_speed():
+    """Beyond it the backward mode flutters; a clamped shaft of 192 E I / L^3 and 3 kg has 113.5 rad/s."""
+    found = hfsim.campbell(parse_deck(WHIRLING), np.arange(0.0, 301.0, 50.0), count=5)
+    own = np.sqrt(192.0 * 210e9 * np.pi * 0.005**4 / 4.0 / 0.8**3 / 3.0)
+    slow, fast = ([mode.frequency for mode in found.tracks[k]] for k in (1, 2))
+    expected = own / (2.0 * np.pi) + np.outer([-1.0, 1.0], found.rates) / (2.0 * np.pi)
+    assert np.array(slow) == pytest.approx(np.abs(expected[0]), abs=0.05)
+    assert np.array(fast) == pytest.approx(expected[1], abs=0.05)
+    (critical,) = [one for one in found.crossings if one.order == 0]
+    assert critical.rate == pytest.approx(own, rel=2e-3)
+    assert critical.frequency == pytest.approx(0.0, abs=0.01)
+    for one in found.crossings:
+        if one.order:
+            assert 2.0 * np.pi * one.frequency == pytest.approx(one.order * one.rate, rel=2e-3)
+
+
+def test_crossings_are_where_a_mode_is_excited():
+    """From two modes of one frequency no sense is known: what is found between may be none."""
+    overhung = WHIRLING.replace("mass: 3.0", "mass: 2.0")
+    text = "\n".join(line for line in overhung.splitlines() if "right" not in line)
+    deck = parse_deck(text.replace("length: 0.4", "length: 0.5"))
+    found = hfsim.campbell(deck, [0.0, 50.0, 100.0], count=5)
+    for one in found.crossings:
+        assert 2.0 * np.pi * one.frequency == pytest.approx(one.order * one.rate, abs=1e-2 * one.rate)

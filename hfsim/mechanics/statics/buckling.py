@@ -44,6 +44,8 @@ REACHED = 1e-4
 """Least of these changes, relative to the factor, up to which only rounding of the stiffness is in it."""
 BEFORE = 0.9
 """Part of the way to an estimate up to which the equilibrium is taken where it is not found there."""
+BESIDE = 0.02
+"""Distance from a factor, relative, from which it is looked at where its neighbourhood leads away."""
 AHEAD = 1e-2
 """The same, beyond which a factor runs ahead of any load, and the distance at which it is looked for else."""
 REAL = 1e-6
@@ -131,7 +133,12 @@ def _improved(problem: Problem, state: State, load: float, motion: Array, effort
             place, near = _next_to(problem, state, at, load, effort)
             if problem.moved(near.z - state.z) > MOVED:
                 return found
-            pairs = _eigenpairs(problem, near, place, STEP * place, effort, 0)
+            try:
+                pairs = _eigenpairs(problem, near, place, STEP * place, effort, 0)
+            except NotFoundError:  # a scene that leans by rounding goes away beside the branch
+                place = min(at + BEFORE * (load - at), (1.0 - BESIDE) * load)
+                near = balanced(problem, state, Level(place), effort)
+                pairs = _eigenpairs(problem, near, place, STEP * place, effort, 0)
         except (NotFoundError, np.linalg.LinAlgError):
             return best._replace(found=least <= REACHED * abs(best.load))
         if not pairs:

@@ -138,6 +138,6 @@ class Search:
         elif len(free):
             kept = np.sort(np.argsort(np.abs(values))[len(free) :])
             values, motions = values[kept], motions[kept]
-        crossed = None if relaxed_ else self._signs.crossed
+        crossed = None if relaxed_ and limit is None else self._signs.crossed
         return Equilibrium(state, 1.0, values, motions, free, relaxed_, limit, self.effort, crossed=crossed)
 

@@ -28,6 +28,8 @@ _SPARE = 6
 """Modes looked at beyond those asked for: some drop out of the slowest."""
 _CLOSE, _TRIES = 1e-6, 6
 """Relative width to which crossings are located; rates tried for one at most."""
+_AT = 1e-2
+"""Difference of a frequency from its excitation, relative to the rate, up to which they meet there."""
 _MOST_CROSSINGS = 24
 
 
@@ -208,7 +210,7 @@ def _unlike(found: Modes, before: Sequence[Mode], after: Sequence[Mode]) -> tupl
     same, turned = (np.minimum(alike @ way @ others, 1.0) for way in assured)
     # the other way round it has gone through zero
     plain, other_way = 1.0 - same + _NEAR * apart, 1.0 - turned + _NEAR * through
-    way = (other_way < plain) & np.array([mode.kind == "vibration" for mode in after])
+    way = (other_way < plain) & np.array([mode.kind in ("vibration", "flutter") for mode in after])
     return np.where(way, other_way, plain), way
 
 
@@ -290,4 +292,5 @@ def _located(every: Campbell, start: About, number: int, order: int, k: int) -> 
         # an end that stays counts for half, or it would stay for ever
         values[1 - which] *= 0.5 if which == kept else 1.0
         kept = which
-    return Crossing(number, order, rate, frequency)
+    at_all = abs(2.0 * np.pi * frequency - order * rate) <= _AT * rate
+    return Crossing(number, order, rate, frequency) if at_all else None
