@@ -286,24 +286,37 @@ class PlainDerivative(Derivative):
         return forces - stresses @ self._slopes if stresses.size else forces, gaps
 
     def free_motion(self, table: Collocation, start: Start, h: float) -> Array:
-        """Return the stages of the linearised motion."""
-        return self._linear_motion(table, start, h)
+        """Return the stages of the linearised motion; a damper acts on changes of the rates alone."""
+        if self.at.damping is None:
+            return self._linear_motion(table, start, h)
+        tau, natural = h * table.nodes[:, None], self.increments
+        forces, gaps = self._right_sides(np.repeat(start.second[None], len(tau), axis=0))
+        pulled = natural.from_natural(self._geometry, start.first[None]) @ self.at.stiffness
+        return np.asarray(tau * start.first + self._stages(table, h)(forces - tau * pulled, gaps))
 
     def correction(self, table: Collocation, h: float) -> Correction:
         """Solve with M + (h pole)^2 K + h pole D."""
-        poles = [complex(h * pole) for pole in table.poles]
-        factors = self._factors.of(h, lambda: [self._solver(mu**2, mu) for mu in poles])
-        left, end_rate = 2.0 * table.left, table.end_rate / h
-        right = (h * table.poles[:, None]) ** 2 * table.right
-        natural, geometry = self.increments, self._geometry
+        stages, end_rate = self._stages(table, h), table.end_rate / h
 
         def correct(r: Array) -> tuple[Array, Array]:
-            sides = (right @ side for side in self._right_sides(r))
-            solved = np.array([solve(f, gaps) for solve, f, gaps in zip(factors, *sides, strict=True)])
-            y = natural.to_natural(geometry, np.ascontiguousarray((left @ solved).real))
+            y = stages(*self._right_sides(r))
             return y, 0.5 * np.abs(end_rate @ y).max()
 
         return correct
+
+    def _stages(self, table: Collocation, h: float) -> Callable[[Array, Array], Array]:
+        """Return the map from forces and gaps at the stages to displacements, in natural increments."""
+        poles = [complex(h * pole) for pole in table.poles]
+        factors = self._factors.of(h, lambda: [self._solver(mu**2, mu) for mu in poles])
+        right = (h * table.poles[:, None]) ** 2 * table.right
+        natural, geometry, left = self.increments, self._geometry, 2.0 * table.left
+
+        def moved(*sides: Array) -> Array:
+            pairs = zip(factors, *(right @ side for side in sides), strict=True)
+            solved = np.array([solve(f, gaps) for solve, f, gaps in pairs])
+            return natural.to_natural(geometry, np.ascontiguousarray((left @ solved).real))
+
+        return moved
 
     def solver(self, by_q: float, by_v: float) -> Callable[[Array], Array]:
         """Return the solution with a real factor."""

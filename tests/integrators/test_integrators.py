@@ -606,6 +606,23 @@ def test_gear_regains_its_steps_behind_what_cuts_them_short_without_noise():
     assert abs(ends[1] - ends[0]).max() < 1e-2
 
 
+SWINGING = """
+hfsim: 1
+gravity: [0.0, -9.81]
+materials: {m: {density: 1200, youngs_modulus: 70 MPa, poisson_ratio: 0.3}}
+sections: {s: {shape: rectangle, width: 2 cm, height: 1 cm}}
+bodies: {a: {type: beam, element: cosserat, material: m, section: s, length: 0.5, elements: 32}}
+joints: {j: {type: revolute, between: [ground, a.root], friction: {torque: 0.05, velocity: 0.01}}}
+solve: {duration: 0.03, max_steps: 60}
+"""
+
+
+def test_a_hinge_with_friction_keeps_its_rate_in_the_guess_of_a_step():
+    """Of many elements a root is as good as without inertia: dampers of the guess had brought it to rest."""
+    loaded = parse_deck(SWINGING, "swinging.yaml")
+    assert run_integration(build(loaded), loaded.deck.solve).stop is None
+
+
 @pytest.mark.parametrize("order", [1, 2, 3, 4, 5])
 def test_orders_let_modes_grow_where_they_are_said_to(order):
     angles = np.geomspace(1e-2, 1e2, 200)
