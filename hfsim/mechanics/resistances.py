@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 SHARP = 1.0
 """Change of the slope of a table by the jump of its second derivative, over an interval and relative to the
 slope there, from which steps end at the point between."""
+SEVERAL, BENT = 20, 0.5
+"""Such points of a table from which they may be the noise of what was measured, and the same change of the
+force, over its range, that then is none."""
 SLIDING = 4.0
 """Rate, in velocities, from which friction is as good as that of sliding: tanh is 0.9993 there."""
 
@@ -197,13 +200,17 @@ class TableSpring(Resistance):
 
 
 def _sharp_bends(curve: PchipInterpolator) -> tuple[float, ...]:
-    """Return the points of cubics at which the jump of the second derivative counts within an interval."""
+    """Return the points of cubics at which a jump of the second derivative counts within an interval."""
     places, (cubic, square) = curve.x, curve.c[:2]
     lengths, secants = np.diff(places), np.abs(np.diff(curve(places)) / np.diff(places))
     before, after = np.append(0.0, 2.0 * square + 6.0 * cubic * lengths), np.append(2.0 * square, 0.0)
     shorter = np.minimum(np.append(np.inf, lengths), np.append(lengths, np.inf))
     steeper = np.maximum(np.append(0.0, secants), np.append(secants, 0.0))
-    return tuple(places[np.abs(after - before) * shorter > SHARP * steeper].tolist())
+    change = np.abs(after - before) * shorter
+    sharp = change > SHARP * steeper
+    if sharp.sum() > SEVERAL:
+        sharp &= change * shorter > BENT * np.ptp(curve(places))
+    return tuple(places[sharp].tolist())
 
 
 @dataclass(frozen=True)

@@ -83,7 +83,12 @@ class Facings:
         """Orientation of each body from which its own is sought, (n_bodies, 3, 3); None in the plane."""
         if self._deck.dimension == 2:
             return None
-        return np.array([self.known.get(name, LEVEL) for name in self._deck.bodies])
+        found = dict(self.known)
+        for name in self._deck.bodies:
+            found.setdefault(name, LEVEL)
+            while self._handed_on(found, by_holding):
+                pass
+        return np.array([found[name] for name in self._deck.bodies])
 
     def of(self, joint: JointSpec) -> tuple[Array, ...]:
         """Return the matrix (3, 3) from B's frame to A's where a joint's angles are zero; () in a plane."""

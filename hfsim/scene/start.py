@@ -18,6 +18,7 @@ from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.matrices import smallest_step
 from hfsim.maths.rotations import freedoms, rotation, rotation_vector, wrap
 from hfsim.mechanics.constraints import Constraint
+from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Twist
 from hfsim.scene.assembly import Assembly, Branches, Change, Turn
 from hfsim.scene.closing import CLOSED, Linkage, largest
@@ -124,15 +125,15 @@ def _refuse_twists(start: Start, place: Stated) -> None:
         off = largest(tie.residual(AT_START, place.values[None]))
         if off > ROUGH_TURN and not any(unknown[marker.columns].any() for marker in tie.ends):
             raise contradicted(start, place, tie, off)
-    _refuse_faces(start, place.values, unknown)
+    _refuse_faces(start, place.values, lambda ends: not any(unknown[m.columns].any() for m in ends))
 
 
-def _refuse_faces(start: Start, x: Array, unknown: BoolArray) -> None:
-    """Refuse known orientations at places (n,) that joints which hold three axes miss by far."""
+def _refuse_faces(start: Start, x: Array, meant: Callable[[tuple[Marker, Marker]], bool]) -> None:
+    """Refuse orientations at places (n,) that joints which hold three axes miss by far, if they are meant."""
     wrong = []
     for item, ends, held, faced in start.linkage.faced(x):
         off = float(np.linalg.norm(rotation_vector(held.T @ faced)))
-        if off > ROUGH_ANGLE and not any(unknown[marker.columns].any() for marker in ends):
+        if off > ROUGH_ANGLE and meant(ends):
             wrong.append(misfaced(start, item, off, faced))
     if wrong:
         problems = [problem for error in wrong for problem in error.problems]
@@ -244,7 +245,8 @@ def _guesses(start: Start, place: Stated, starts: Array) -> list[Array]:
     if not found:
         opened, size = link.cut(ends, ~place.exact)
         if size < CLOSED:  # the other way round, all would
-            _refuse_faces(start, best, np.zeros(len(best), dtype=bool))
+            turned = place.stated & link.turns
+            _refuse_faces(start, best, lambda ends: any(turned[m.columns].any() for m in ends))
         raise cannot_close(start, place, opened, size)
     near = min(
         (_near(link, one, x) for one in found),
@@ -257,9 +259,12 @@ def _guesses(start: Start, place: Stated, starts: Array) -> list[Array]:
 
 
 def _near(link: Linkage, x: Array, begin: Array) -> Array:
-    """Return places with turns within half a turn of those at the beginning; in space as they are."""
+    """Return places with turns within half a turn of those at the beginning; in space of none."""
     if link.centres is not None:
-        return x
+        rows = x.reshape(-1, 6).copy()
+        far = np.linalg.norm(rows[:, 3:], axis=1) > np.pi
+        rows[far, 3:] = rotation_vector(rotation(rows[far, 3:]))
+        return np.asarray(rows.ravel())
     return np.where(link.turns, begin + wrap(x - begin), x)
 
 

@@ -32,6 +32,9 @@ def test_edges_are_those_of_the_laws():
     assert latch.edges == pytest.approx((1.0, 1.02))
     smooth = [[s, 100.0 * s + 40.0 * s**3] for s in np.linspace(-1.0, 1.0, 21)]
     assert TableSpring.through(smooth, 1.0).edges == ()
+    noise = 0.02 * np.random.default_rng(1).standard_normal(100)
+    measured = [[s, s + off] for s, off in zip(np.linspace(-1.0, 1.0, 100), noise, strict=True)]
+    assert TableSpring.through(measured, 1.0).edges == ()
 
 
 class Part:

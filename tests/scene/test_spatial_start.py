@@ -303,3 +303,42 @@ def test_unstated_orientations_follow_along_welds():
     base, held = (rotation(np.radians(a) * np.array(v) / np.linalg.norm(v)) for a, v in ((20.0, [0, 1, 0]), (50.0, [1, 2, 0.5])))
     assert R["hub"] == pytest.approx(base, abs=1e-12)
     assert R["arm"] @ held == pytest.approx(R["hub"], abs=1e-12)
+
+
+@pytest.mark.parametrize("ball", ["spherical", "universal"])
+def test_what_is_welded_behind_a_joint_that_leaves_turns_free_stands_as_the_welds_hold_it(ball):
+    """The first body is level, whatever the welds; started level, theirs would be half a turn off."""
+    axis = {"axis": [1.0, 2.0, 0.5], "angle": "150 deg"}
+    text = f"""hfsim: 1
+gravity: [0, 0, 0]
+bodies:
+  b0: {{type: rigid, mass: 1, inertia: [1, 1, 1], points: {{p: [1, 0, 0]}}}}
+  b1: {{type: rigid, mass: 1, inertia: [1, 1, 1], points: {{p: [1, 0, 0]}}}}
+  b2: {{type: rigid, mass: 1, inertia: [1, 1, 1]}}
+joints:
+  ball: {{type: {ball}, between: [ground, b0]}}
+  w1: {{type: fixed, between: [b0.p, b1], angle: 180 deg}}
+  w2: {{type: fixed, between: [b2, b1.p], orientation: {{axis: {axis["axis"]}, angle: {axis["angle"]}}}}}
+solve: {{duration: 0.01}}
+"""
+    R = turns(build(parse_deck(text)))
+    held = rotation(np.radians(150.0) * np.array(axis["axis"]) / np.linalg.norm(axis["axis"]))
+    assert R["b0"] == pytest.approx(np.eye(3), abs=1e-12)
+    assert R["b1"] == pytest.approx(np.diag([-1.0, -1.0, 1.0]), abs=1e-12)
+    assert R["b2"] @ held == pytest.approx(R["b1"], abs=1e-12)
+
+
+def test_a_search_that_ends_a_full_turn_off_leaves_rates_to_be_told():
+    text = """hfsim: 1
+gravity: [0, 0, 0]
+bodies:
+  b0: {type: rigid, mass: 1, inertia: [1, 1, 1]}
+  b1: {type: rigid, mass: 1, inertia: [1, 1, 1]}
+  b2: {type: rigid, mass: 1, inertia: [1, 1, 1]}
+joints:
+  u: {type: universal, between: [ground, b0], orientation: {rotation_vector: [0.2, 0.4, 0.2]}}
+  s: {type: spherical, between: [b0, b1]}
+  f: {type: fixed, between: [b1, b2], orientation: {rotation_vector: [2.0, 0.3, 0.7]}}
+solve: {duration: 0.01}
+"""
+    assert all(np.abs(spin).max() < 1e-12 for spin in spins(build(parse_deck(text))).values())
