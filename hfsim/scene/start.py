@@ -8,7 +8,7 @@ start that fulfils the joints is taken, and what that changes is told.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -53,7 +53,7 @@ def assembled(start: Start) -> Assembly:
     """
     place = start.stated("position", "angle")
     _hand_on(start, place, lambda tie: tie.target(AT_START))
-    _hand_on_faces(start, place)
+    _hand_on_known_faces(start, place)
     _refuse_twists(start, place)
     closed, branches = _settle(start, place)
     rates = start.stated("velocity", "angular_velocity")
@@ -93,29 +93,38 @@ def _hand_on(start: Start, given: Stated, step: Callable[[Constraint], Array]) -
             turns[k], unknown[k] = turn, False
 
 
-def _hand_on_faces(start: Start, place: Stated) -> None:
+def _hand_on_known_faces(start: Start, place: Stated) -> None:
     """Take turns in space that are not stated from other bodies, along the joints that hold three axes."""
-    link = start.linkage
-    turns = place.values.reshape(len(start.names), -1)[:, start.n_dim :]
     unknown = place.open.reshape(len(start.names), -1)[:, start.n_dim :]
+    known: set[int | None] = set(np.flatnonzero(~unknown.any(axis=1)).tolist())
+    _hand_on_faces(start, place.values, known)
+    for k in known - {GROUND}:
+        unknown[k] = False
 
-    def is_known(number: int | None) -> bool:
-        return number is GROUND or not unknown[number].any()
+
+def _hand_on_faces(start: Start, x: Array, known: set[int | None], others: Iterable[int] = ()) -> None:
+    """Turn bodies in space, in places (n,), as joints that hold three axes have them against known ones.
+
+    Then against others, which are known one after another.
+    """
+    link, turns = start.linkage, x.reshape(len(start.names), -1)[:, start.n_dim :]
 
     def handed_on() -> bool:
-        for _, (a, b), held, faced in link.faced(place.values):
+        before = len(known)
+        for _, (a, b), held, faced in link.faced(x):
             first, second = link.owner(a), link.owner(b)
-            if is_known(first) != is_known(second):
+            if (first in known) != (second in known):
                 forth, back = (second, a, held @ faced.T), (first, b, held.T @ faced)
-                own, end, turn = forth if is_known(first) else back
-                axes = np.stack([end.turned(place.values[None], e)[0] for e in np.eye(3)], axis=1)
+                own, end, turn = forth if first in known else back
+                axes = np.stack([end.turned(x[None], e)[0] for e in np.eye(3)], axis=1)
                 turns[own] = rotation_vector(axes @ turn @ axes.T @ rotation(turns[own]))
-                unknown[own] = False
-                return True
-        return False
+                known.add(own)
+        return len(known) > before
 
-    while handed_on():
-        pass
+    for one in (GROUND, *others):
+        known.add(one)
+        while handed_on():
+            pass
 
 
 def _refuse_twists(start: Start, place: Stated) -> None:
@@ -153,7 +162,12 @@ def _settle(start: Start, place: Stated) -> tuple[dict[str, Turn], Branches]:
         return {}, partial(_told_ways, start, place, free)
     begin = x.copy()
     starts = link.starts(begin, place.open & link.turns)
-    found = link.search(starts[:1], free) or link.search(starts[1:], free)
+    if not (found := link.search(starts[:1], free)):
+        unknown = (place.open & link.turns).reshape(len(start.names), -1).any(axis=1)
+        for one in starts[1:]:
+            held: set[int | None] = set(np.flatnonzero(~unknown).tolist())
+            _hand_on_faces(start, one, held, np.flatnonzero(unknown).tolist())
+        found = link.search(starts[1:], free)
     guessed = not found
     if guessed:
         found, free = _guesses(start, place, starts), ~place.exact

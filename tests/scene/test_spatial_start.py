@@ -342,3 +342,26 @@ joints:
 solve: {duration: 0.01}
 """
     assert all(np.abs(spin).max() < 1e-12 for spin in spins(build(parse_deck(text))).values())
+
+
+def test_a_loop_closes_from_turns_that_its_slides_and_welds_allow():
+    """Spread without regard to them, none of the starts had the slide the right way round.
+
+    Its bodies have five freedoms, so that it closes with these numbers and with no others.
+    """
+    text = """hfsim: 1
+ground: {points: {c1: [0.41524968662597034, 1.3530161001339223, 0.6218959994397444]}}
+bodies:
+  b1: {type: rigid, mass: 1, inertia: [1, 1, 1], points: {a1: [-0.04343253815402225, 0.5922759349718554, 0.4041639371422556], a2: [0.7430212974830549, -0.4339818141665379, -0.4569915629710346], c4: [0.6172911073022829, -0.9285811995989208, 0.1858072500689283]}}
+  b2: {type: rigid, mass: 1, inertia: [1, 1, 1], points: {c2: [2.384951163759628, 0.024917345357145182, 0.5132367602093568], a3: [-0.24401090741276127, -0.28170492872996133, 0.9136161013365447]}}
+  b3: {type: rigid, mass: 1, inertia: [1, 1, 1], points: {c3: [-0.5155875801979232, -0.7671939734914124, -2.6820807058046663], a4: [0.5008516373162549, 0.478400603606643, -0.2563002002469633]}}
+joints:
+  j1: {type: fixed, between: [b1.a1, ground.c1], orientation: {rotation_vector: [0.7872395873295633, -1.2874329933118025, 0.6793613650873586]}}
+  j2: {type: revolute, between: [b1.a2, b2.c2], axis: [2.555921717240161, -0.3870872219959422, 0.3001704587592878]}
+  j3: {type: prismatic, between: [b2.a3, b3.c3], axis: [-0.02150280438129188, 0.2650441808022512, -0.33137745996055884], orientation: {axis: [-1.1816401102704066, 2.0322732587392647, -1.3494716479092697], angle: 91.2277117039791 deg}}
+  j4: {type: spherical, between: [b3.a4, b1.c4]}
+solve: {duration: 0.01}
+"""
+    built = build(parse_deck(text))
+    x = built.system.absolute(built.q[None])
+    assert np.abs(built.system.residual(np.zeros(1), x)).max() < 1e-9
