@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -16,8 +16,6 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.piecewise import Piecewise
 
 if TYPE_CHECKING:
-    from scipy.interpolate import PchipInterpolator
-
     from hfsim.deck.laws import Law
 
 
@@ -199,15 +197,14 @@ class TableSpring(Resistance):
         return self.integral(self._places(s)[0], 2), np.zeros_like(s)
 
 
-def _sharp_bends(curve: PchipInterpolator) -> tuple[float, ...]:
-    """Return the points of cubics at which a jump of the second derivative counts within an interval."""
+def _sharp_bends(curve: Any) -> tuple[float, ...]:
+    """Return the points of a `PchipInterpolator` at which a jump of the second derivative counts."""
     places, (cubic, square) = curve.x, curve.c[:2]
     lengths, secants = np.diff(places), np.abs(np.diff(curve(places)) / np.diff(places))
     before, after = np.append(0.0, 2.0 * square + 6.0 * cubic * lengths), np.append(2.0 * square, 0.0)
     shorter = np.minimum(np.append(np.inf, lengths), np.append(lengths, np.inf))
     steeper = np.maximum(np.append(0.0, secants), np.append(secants, 0.0))
-    change = np.abs(after - before) * shorter
-    sharp = change > SHARP * steeper
+    sharp = (change := np.abs(after - before) * shorter) > SHARP * steeper
     if sharp.sum() > SEVERAL:
         sharp &= change * shorter > BENT * np.ptp(curve(places))
     return tuple(places[sharp].tolist())
