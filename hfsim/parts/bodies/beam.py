@@ -153,7 +153,7 @@ class BeamSpec(BodySpec):
     """Model of this beam; that of ``solve.model`` without it."""
 
     points: Points = Field(default_factory=dict)
-    """Named points in the undeformed body frame [m]."""
+    """Named points in the undeformed body frame [m]; the first number counts along an arc or a curve."""
 
     @classmethod
     def _read(cls, value: Any, read: Callable[[Any], Any]) -> Any:
