@@ -16,6 +16,8 @@ NEAR = 1e-3
 """Share of a step up to which an edge counts as its start."""
 LOOKED_AT = np.concatenate([[NEAR], PLACES])
 """Shares of a step at which it is held against the edges."""
+NOISE = 1e-9
+"""Distance from an edge, over the largest coordinate, up to which a step is at it, and does not meet it."""
 ROUNDS = 4
 """Times that the stretch with an edge is looked at more closely."""
 
@@ -61,7 +63,8 @@ class Edges(AlongSteps):
     def _beyond(self, times: Array, q: Array, v: Array) -> Array:
         assert self._system is not None
         x, u = self._system.absolute(q), self._system.absolute_velocity(q, v)
-        return np.concatenate([part.edges(times, x, u) for part in self._parts], axis=1)
+        beyond = np.concatenate([part.edges(times, x, u) for part in self._parts], axis=1)
+        return np.asarray(np.where(np.abs(beyond) > NOISE * np.abs(x).max(), beyond, 0.0))
 
 
 def meets(beyond: Array) -> Array:

@@ -104,6 +104,29 @@ def test_an_edge_that_is_touched_between_two_looks_is_found(beyond):
     assert edges_of(3.0 + beyond).first(step) == step.h
 
 
+CIRCLING = """
+hfsim: 1
+gravity: [0.0, 0.0]
+bodies: {b: {type: rigid, mass: 1.0, inertia: 0.1, points: {a: [-0.5, 0.0], e: [0.5, 0.0]}}}
+joints: {pin: {type: revolute, between: [ground, b.a]}}
+springs: {k: {type: two_point, between: [ground, b.e], SPRING}}
+initial: {b: {angular_velocity: 3.0}}
+solve: {duration: 5.0}
+output: {channels: [b.x]}
+"""
+
+
+@pytest.mark.parametrize(
+    "spring",
+    ["stops: {upper: 1.0, stiffness: 1.0e5}",
+     "rest_length: 1.0, table: [[-0.5, -10.0], [0.0, 0.0], [0.5, 100.0]]"],
+)  # fmt: skip
+def test_what_moves_along_an_edge_does_not_meet_it_in_every_step(spring):
+    """Its distance from the pin is that of the stop, or of the bend, but for rounding."""
+    run = simulate(parse_deck(CIRCLING.replace("SPRING", spring)), error_estimate=False)
+    assert run.statistics["steps"] < 100 and run.statistics["rejected"] < 20
+
+
 BARRIER = """
 hfsim: 1
 gravity: [0.0, 0.0]
