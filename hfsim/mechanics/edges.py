@@ -16,8 +16,11 @@ NEAR = 1e-3
 """Share of a step up to which an edge counts as its start."""
 LOOKED_AT = np.concatenate([[NEAR], PLACES])
 """Shares of a step at which it is held against the edges."""
-NOISE = 1e-9
-"""Distance from an edge, over the largest coordinate, up to which a step is at it, and does not meet it."""
+NOISE, NOISE_OF_FEW = 1e-9, 1e-6
+"""Distance from an edge, over the largest coordinate, up to which a step is at it, and does not meet it; and
+that inside steps of so few terms as their ends alone determine."""
+FEW = 4
+"""Number of these."""
 ROUNDS = 4
 """Times that the stretch with an edge is looked at more closely."""
 
@@ -52,19 +55,25 @@ class Edges(AlongSteps):
 
     def looked(self, kind: Callable[..., Step], t: Any, h: Any, *start: Array) -> Array:
         """Return by how much a step is beyond each edge where it is looked at first, (n_shares, n_edges)."""
-        return self._beyond(t + h * LOOKED_AT, *kind(t, h, *start).inside(LOOKED_AT))
+        noise = _noise(start[-1])
+        return self._beyond(noise, t + h * LOOKED_AT, *kind(t, h, *start).inside(LOOKED_AT))
 
     def _closely(self, kind: Callable[..., Step], t: Array, h: Array, *given: Array) -> Array:
         """Return the same where it is looked at more closely, at shares that are given last."""
         *start, shares = given
         times = t + h * shares
-        return self._beyond(times, *kind(t, h, *start).at(times))
+        return self._beyond(_noise(start[-1]), times, *kind(t, h, *start).at(times))
 
-    def _beyond(self, times: Array, q: Array, v: Array) -> Array:
+    def _beyond(self, noise: float, times: Array, q: Array, v: Array) -> Array:
         assert self._system is not None
         x, u = self._system.absolute(q), self._system.absolute_velocity(q, v)
         beyond = np.concatenate([part.edges(times, x, u) for part in self._parts], axis=1)
-        return np.asarray(np.where(np.abs(beyond) > NOISE * np.abs(x).max(), beyond, 0.0))
+        return np.asarray(np.where(np.abs(beyond) > noise * np.abs(x).max(), beyond, 0.0))
+
+
+def _noise(series: Array) -> float:
+    """Return what inside a step with this series is no distance."""
+    return NOISE if len(series) > FEW else NOISE_OF_FEW
 
 
 def meets(beyond: Array) -> Array:
