@@ -9,7 +9,7 @@ the matrix depends on the state and joints depend on many coordinates.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -287,9 +287,9 @@ class Equations:
         multipliers = np.linalg.solve(J @ mobility @ J.swapaxes(1, 2), gap[..., None])[..., 0]
         return free - (multipliers[:, None, :] @ J)[:, 0] @ spreading, multipliers
 
-    def constrained_at(self, x: Array) -> Callable[[Array, Array], tuple[Array, Array]]:
-        """Return what `constrained` does in states (n_batch, n_x), for several forces and gammas."""
-        return partial(self.constrained, x) if self.by_nodes is None else self.by_nodes.at(x)
+    def constrained_at(self, x: Array) -> Callable[[Array, Array], tuple[Array, Array]] | None:
+        """Return `constrained` in states (n_batch, n_x), if for several forces and gammas that takes less."""
+        return None if self.by_nodes is None else self.by_nodes.at(x)
 
     @cached_property
     def by_nodes(self) -> NodeSolution | None:

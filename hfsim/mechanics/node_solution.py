@@ -122,16 +122,18 @@ class NodeSolution:
         """Return accelerations (n_batch, n) and multipliers (n_batch, n_rows) for forces f (n_batch, n)."""
         return self.at(x)(f, gamma)
 
-    def at(self, x: Array) -> partial[tuple[Array, Array]]:
+    def at(self, x: Array) -> Callable[[Array, Array], tuple[Array, Array]]:
         """Return what does so in states (n_batch, n_x), for several forces and gammas."""
+        return partial(self._solved, *self._parts(x))
+
+    def _parts(self, x: Array) -> tuple[Sequence[AxesAt], Array, _Answers | None]:
         at, J = [kind.at(x) for kind in self.nodes], self.joints.at_joints(x)
-        return partial(self._solved, at, J, self._answers(at, J, len(x)) if len(self.rows) else None)
+        return at, J, self._answers(at, J, len(x)) if len(self.rows) else None
 
     def missing(self, x: Array, f: Array, gamma: Array, a: Array) -> tuple[Array, Array]:
         """Return what accelerations a (n_batch, n) miss of the solution, and what the rows miss."""
-        solve = self.at(x)
-        at, J, _ = solve.args
-        missing = solve(f, gamma)[0] - a
+        at, J, answers = self._parts(x)
+        missing = self._solved(at, J, answers, f, gamma)[0] - a
         return missing, self._opening(at, J, missing)
 
     def _opening(self, at: Sequence[AxesAt], J: Array, a: Array) -> Array:

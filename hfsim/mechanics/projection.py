@@ -108,17 +108,17 @@ class Projection:
     def _moved(self, t: Array, q: Array, v: Array, strict: bool) -> tuple[Array, Array]:
         many, corrections = "" if len(q) == 1 else f" of {len(q)} states", 0
         x, u, gap, miss, drift, slip = self.through(SEEN + many, self.seen, (t, q, v))
-        known: tuple[Solve, ...] = ()
-        before = np.inf
+        solve, before = None, np.inf
         while not float(miss) <= ROUNDING and corrections < MOST:
             corrections += 1
             if self.through is directly and not before * float(miss) <= ROUNDING:
-                known, before = (self.system.equations.constrained_at(x),), float(miss)
-            x, gap, miss, drift, slip = self.through(CLOSER + many, self.closer, (t, x, u, gap, *known))
+                solve, before = self.system.equations.constrained_at(x), float(miss)
+            given = (t, x, u, gap, *((solve,) if solve else ()))
+            x, gap, miss, drift, slip = self.through(CLOSER + many, self.closer, given)
         if strict and corrections == MOST and not _largest(gap) <= CLOSED * max(1.0, _largest(x)):
             raise np.linalg.LinAlgError("the joints cannot be closed")
         if float(slip) > ROUNDING:
-            given = (q, x, u, drift, *(known if before * float(slip) <= ROUNDING else ()))
+            given = (q, x, u, drift, *((solve,) if solve and before * float(slip) <= ROUNDING else ()))
             found: tuple[Array, Array] = self.through(STEADIER + many, self.steadier, given)
             return found
         return self.system.state(x, u, q) if corrections else (q, v)

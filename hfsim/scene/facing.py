@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from functools import cached_property
 from typing import TypeAlias
 
@@ -38,7 +38,14 @@ class Facings:
         stated = {name: entry.turn(3) for name, entry in deck.motions.items()}
         known = {"ground": LEVEL} | {name: R for name, R in stated.items() if R is not None}
         steps = (by_holding, self._by_driver, _by_statement, _by_hinge, _by_orientation)
-        for name in ("ground", *self._floating(known)):
+        return self._spread(known, ("ground", *self._floating(known)), *steps)
+
+    def _spread(self, known: dict[str, Array], names: Iterable[str], *steps: Step) -> dict[str, Array]:
+        """Hand on orientations as far as steps lead, from what is known, then from one name after another.
+
+        Of these those that are not known stand level.
+        """
+        for name in names:
             known.setdefault(name, LEVEL)
             while any(self._handed_on(known, step) for step in steps):
                 pass
@@ -83,11 +90,7 @@ class Facings:
         """Orientation of each body from which its own is sought, (n_bodies, 3, 3); None in the plane."""
         if self._deck.dimension == 2:
             return None
-        found = dict(self.known)
-        for name in self._deck.bodies:
-            found.setdefault(name, LEVEL)
-            while self._handed_on(found, by_holding):
-                pass
+        found = self._spread(dict(self.known), self._deck.bodies, by_holding)
         return np.array([found[name] for name in self._deck.bodies])
 
     def of(self, joint: JointSpec) -> tuple[Array, ...]:

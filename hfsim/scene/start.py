@@ -8,7 +8,7 @@ start that fulfils the joints is taken, and what that changes is told.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -96,18 +96,23 @@ def _hand_on(start: Start, given: Stated, step: Callable[[Constraint], Array]) -
 def _hand_on_known_faces(start: Start, place: Stated) -> None:
     """Take turns in space that are not stated from other bodies, along the joints that hold three axes."""
     unknown = place.open.reshape(len(start.names), -1)[:, start.n_dim :]
-    known: set[int | None] = set(np.flatnonzero(~unknown.any(axis=1)).tolist())
-    _hand_on_faces(start, place.values, known)
-    for k in known - {GROUND}:
+    for k in _hand_on_faces(start, place, place.values) - {GROUND}:
         unknown[k] = False
 
 
-def _hand_on_faces(start: Start, x: Array, known: set[int | None], others: Iterable[int] = ()) -> None:
+def _hand_on_faces(start: Start, place: Stated, x: Array, guessed: bool = False) -> set[int | None]:
     """Turn bodies in space, in places (n,), as joints that hold three axes have them against known ones.
 
-    Then against others, which are known one after another.
+    If they are guessed, then against the others too, which are known one after another.
+
+    Returns
+    -------
+    set of int or None
+        Which bodies are known then, and the ground.
     """
     link, turns = start.linkage, x.reshape(len(start.names), -1)[:, start.n_dim :]
+    unknown = place.open.reshape(len(start.names), -1)[:, start.n_dim :].any(axis=1)
+    known: set[int | None] = set(np.flatnonzero(~unknown).tolist())
 
     def handed_on() -> bool:
         before = len(known)
@@ -121,10 +126,11 @@ def _hand_on_faces(start: Start, x: Array, known: set[int | None], others: Itera
                 known.add(own)
         return len(known) > before
 
-    for one in (GROUND, *others):
+    for one in (GROUND, *(np.flatnonzero(unknown).tolist() if guessed else ())):
         known.add(one)
         while handed_on():
             pass
+    return known
 
 
 def _refuse_twists(start: Start, place: Stated) -> None:
@@ -163,10 +169,8 @@ def _settle(start: Start, place: Stated) -> tuple[dict[str, Turn], Branches]:
     begin = x.copy()
     starts = link.starts(begin, place.open & link.turns)
     if not (found := link.search(starts[:1], free)):
-        unknown = (place.open & link.turns).reshape(len(start.names), -1).any(axis=1)
         for one in starts[1:]:
-            held: set[int | None] = set(np.flatnonzero(~unknown).tolist())
-            _hand_on_faces(start, one, held, np.flatnonzero(unknown).tolist())
+            _hand_on_faces(start, place, one, guessed=True)
         found = link.search(starts[1:], free)
     guessed = not found
     if guessed:

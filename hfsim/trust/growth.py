@@ -109,7 +109,7 @@ def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, guard: P
     if (system.n > DENSE and not system.linearizes) or path.t_start > 0.0 or path.condensed:
         return None
     states = path.at(np.linspace(0.0, path.t_end, _TIMES + 1))
-    speed, extent = _largest_speed(system, *states), float(np.ptp(system.absolute(states[0]), axis=0).max())
+    speed = _largest_speed(system, *states)
     kick = min(KICK * solve.tolerance, _MOST_KICK) * speed * _slow_direction(scene, done)
     apart = _apart(scene, done, solve, guard, kick)
     if apart is None:
@@ -117,6 +117,7 @@ def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, guard: P
     found = growth_of(*apart)
     if found.unstable:
         half = _apart(scene, done, solve, guard, 0.5 * kick)
+        extent = float(np.ptp(system.absolute(states[0]), axis=0).max())
         if half is None or not _of_the_kick(apart[1], half[1], extent):
             return None
     return found
@@ -146,7 +147,8 @@ def _of_the_kick(apart: Array, half: Array, extent: float) -> bool:
     """Tell whether distances are twice those of half the kick, or so large that this need not be."""
     last = min(len(apart), len(half))
     largest, smaller = apart[:last].max(), half[:last].max()
-    return bool(smaller > _SEEN * extent or 1.0 / _TWICE < 0.5 * largest / smaller < _TWICE)
+    twice = 2.0 * smaller < _TWICE * largest and largest < _TWICE * 2.0 * smaller
+    return bool(twice or smaller > _SEEN * extent)
 
 
 def _largest_speed(system: System, q: Array, v: Array) -> float:

@@ -27,8 +27,9 @@ from hfsim.trust.growth import UNSTABLE, WINDOWS, Growth, amplitude_of, disturbe
 
 LOOKED_AT, NEAREST = (60, 300), 4
 """Times at which singular positions are looked for, and how many of the nearest are looked at closely."""
-SMALL = 100
-"""Coordinates up to which it is looked whether what rests would rather go away."""
+SMALL, RESTS_AT, LEAVES_AT = 100, 60, 4
+"""Coordinates up to which it is looked whether what rests would rather go away, times at which it is looked
+what rests, and those of them at which whether it would."""
 TIGHT = 1e-10
 """Tolerance that is proposed where nothing else is known to help."""
 REDUNDANT = 1e-6
@@ -174,7 +175,7 @@ def _rests_unstably(trial: Experiments) -> bool:
     path, n = trial.done.trajectory, trial.scene.system.n
     if n > SMALL or path.t_start > 0.0 or path.condensed:
         return False
-    times = np.linspace(0.0, path.t_end / WINDOWS, LOOKED_AT[0])
+    times = np.linspace(0.0, path.t_end / WINDOWS, RESTS_AT)
     q, v = path.at(times)
     resting = np.ptp(q, axis=0) <= RESTING * np.abs(q).max(initial=1.0)
     if not resting.any():
@@ -186,7 +187,7 @@ def _rests_unstably(trial: Experiments) -> bool:
         apart = moved[~resting].max(axis=0, initial=0.0) <= APART * moved.max(axis=0)
         return bool((values.real[apart] * path.t_end > 2.0 * np.log(UNSTABLE)).any())
 
-    some = np.linspace(0, len(times) - 1, NEAREST).astype(int)
+    some = np.linspace(0, RESTS_AT - 1, LEAVES_AT).astype(int)
     return any(map(may_grow, times[some], q[some], v[some]))
 
 

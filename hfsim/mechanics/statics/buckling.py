@@ -42,10 +42,10 @@ MOST = 12
 """Improvements of a factor."""
 REACHED = 1e-4
 """Least of these changes, relative to the factor, up to which only rounding of the stiffness is in it."""
-BEFORE = 0.9
-"""Part of the way to an estimate up to which the equilibrium is taken where it is not found there."""
 BESIDE = 0.02
 """Distance from a factor, relative, from which it is looked at where its neighbourhood leads away."""
+BEFORE = 0.9
+"""Part of the way to an estimate up to which the equilibrium is taken where it is not found there."""
 AHEAD = 1e-2
 """The same, beyond which a factor runs ahead of any load, and the distance at which it is looked for else."""
 REAL = 1e-6
