@@ -1,5 +1,7 @@
 """Rotors on bearings: modes against matrices put together here, and bearings not alike all around."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -362,3 +364,70 @@ def test_crossings_are_where_a_mode_is_excited():
     found = hfsim.campbell(deck, [0.0, 50.0, 100.0], count=5)
     for one in found.crossings:
         assert 2.0 * np.pi * one.frequency == pytest.approx(one.order * one.rate, abs=1e-2 * one.rate)
+
+
+OVERHUNG = """hfsim: 1
+gravity: [0, 0, 0]
+sections:
+  rod:
+    mass_per_length: 1.0e-6
+    rotary_inertia: [2.0e-9, 1.0e-9, 1.0e-9]
+    axial_stiffness: 1.0e7
+    shear_stiffness: [4.0e6, 4.0e6]
+    torsion_stiffness: 80.0
+    bending_stiffness: [100.0, 100.0]
+bodies:
+  shaft: {type: beam, section: rod, length: 0.5, elements: 2, degree: 3}
+  disc: {type: rigid, mass: 2.0, inertia: [0.02, 0.0101, 0.0101]}
+joints:
+  bearing: {type: revolute, between: [ground, shaft.root], axis: [1, 0, 0]}
+  hub: {type: fixed, between: [shaft.tip, disc]}
+initial: {steady: {body: shaft, rate: [100, 0, 0]}}
+solve: {duration: 1.0}
+"""
+
+
+def overhung_whirls(rate):
+    """Frequencies of the disc [rad/s], those that whirl backward below zero, for y + iz and its slope."""
+    length, bending, shear = 0.5, 100.0, 4.0e6
+    flexible = [[length**3 / (3 * bending) + length / shear, length**2 / (2 * bending)]]
+    flexible.append([length**2 / (2 * bending), length / bending])
+    mass, spun = np.diag([2.0, 0.0101]), np.diag([0.0, 0.02])
+    lower = np.linalg.solve(mass, np.hstack([np.linalg.inv(flexible), rate * spun]))
+    return np.sort(np.linalg.eigvals(np.vstack([np.eye(4)[2:], lower])).real)
+
+
+def overhung_crossings(low, high):
+    """(order, rate) of all crossings seen from the shaft, by its own search."""
+    found = set()
+    for mode, order in np.ndindex(4, 4):
+        for times in {order, -order}:
+
+            def apart(rate, mode=mode, times=times):
+                return overhung_whirls(rate)[mode] - (1 + times) * rate
+
+            grid = np.linspace(low, high, 400)
+            for a, b in pairwise(grid):
+                if apart(a) * apart(b) < 0.0:
+                    found.add((order, round(brentq(apart, a, b), 2)))
+    return found
+
+
+@pytest.mark.parametrize(
+    "rates", [[0, 100, 200, 300], [1, 100, 300], [-100, 0], [-99, 1, 101], [-350, -133, 84, 301]], ids=str
+)
+def test_overhung_rotors_keep_their_critical_speed_from_any_rates(rates):
+    """At rest the frequencies are equal in pairs, and one of each goes through zero later on."""
+    found = hfsim.campbell(parse_deck(OVERHUNG), rates, count=5)
+    for rate, modes in zip(rates, found.founds, strict=True):
+        seen = np.sort([mode.frequency for mode in modes if mode.kind == "vibration"])[:4]
+        assert seen == pytest.approx(np.sort(abs(overhung_whirls(rate) - rate)) / (2.0 * np.pi), rel=1e-4)
+    told = [one for one in found.crossings if one.order == 0]
+    expected = sorted(rate for order, rate in overhung_crossings(rates[0], rates[-1]) if order == 0)
+    assert [one.rate for one in told] == pytest.approx(expected, rel=1e-3)
+
+
+def test_crossings_of_rotors_belong_to_the_mode_that_has_them():
+    found = hfsim.campbell(parse_deck(OVERHUNG), [0, 100, 200, 300], count=5)
+    told = {(one.order, round(one.rate, 2)) for one in found.crossings}
+    assert len(told) == len(found.crossings) and told == overhung_crossings(0.5, 299.5)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,8 @@ _CLOSE, _TRIES = 1e-6, 6
 _AT = 1e-2
 """Difference of a frequency from its excitation, relative to the rate, up to which they meet there."""
 _MOST_CROSSINGS = 24
+_PARTED = 1e-3
+"""Of the next rate: where frequencies that are equal at rest have parted."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +91,15 @@ class Campbell:
         """From which axes they are seen, in words."""
         turn = any(found.about.axes_turn for found in self.founds)
         return f"seen from axes {'that turn' if turn else 'at rest'}"
+
+    def at(self, rates: Sequence[float]) -> Campbell:
+        """Return what is known at some of the rates."""
+        some = [self.rates.tolist().index(rate) for rate in rates]
+        tracks, senses = (
+            tuple(tuple(one[k] for k in some) for one in every) for every in (self.tracks, self.senses)
+        )
+        founds = tuple(self.founds[k] for k in some)
+        return replace(self, founds=founds, rates=self.rates[some], tracks=tracks, senses=senses)
 
     def rows(self) -> list[dict[str, Any]]:
         """Return a row for each mode at each rate."""
@@ -153,15 +165,24 @@ def campbell(
     check_count(count)
     if not len(rates) or not np.isfinite(rates).all():
         raise ArgumentError(f"rates are {list(rates)}: one at least has to be wanted, and all are numbers")
-    founds: list[Modes] = []
+    walk, founds = _walk(rates), list[Modes]()
     start = state = turning_about(start)
-    for k, rate in enumerate(rates):
+    for k, rate in enumerate(walk):
         state = at_rate(state, start, rate)
         founds.append(modes_of(state, count + _SPARE))
-        progress((k + 1) / len(rates))
+        progress((k + 1) / len(walk))
     tracks, senses = _followed(founds, count)
-    every = Campbell(tuple(founds), np.array(rates, dtype=float), tracks, senses, ())
-    return replace(every, crossings=tuple(_crossings(every, start)))
+    every = Campbell(tuple(founds), np.array(walk, dtype=float), tracks, senses, ())
+    return replace(every.at(rates), crossings=tuple(_crossings(every, start)))
+
+
+def _walk(rates: Sequence[float]) -> list[float]:
+    """Return the rates and some that are not told, next to rest, where shapes do not yet tell modes apart."""
+    found: list[float] = []
+    for before, rate in pairwise((*rates[:1], *rates)):
+        found += [_PARTED * before] * (rate == 0.0 != before) + [_PARTED * rate] * (before == 0.0 != rate)
+        found.append(rate)
+    return found
 
 
 def at_rate(near: About, start: About, rate: float) -> About:
@@ -202,14 +223,17 @@ def _unlike(found: Modes, before: Sequence[Mode], after: Sequence[Mode]) -> tupl
         return np.asarray(momentum(shapes.real) + 1j * momentum(shapes.imag))
 
     one, other = (np.array([mode.natural_frequency for mode in modes]) for modes in (before, after))
-    both = one[:, None] + other
-    size = both + one.mean() + np.finfo(float).tiny
-    apart, through = np.abs(one[:, None] - other) / size, both / size
     (a, alike), (b, others) = (_shapes(modes, w, weighed) for modes, w in ((before, one), (after, other)))
     assured = (np.abs(way @ weighed(b).T) ** 2 for way in (a.conj(), a))
     same, turned = (np.minimum(alike @ way @ others, 1.0) for way in assured)
+    # of changes the squares, over one size for all modes of a shape: they keep their order, also through zero
+    either = np.maximum(same, turned)
+    size = either @ other + either @ (either.T @ one) / either.sum(axis=1) + np.finfo(float).tiny
+    apart, through = (
+        np.minimum((other + sign * one[:, None]) / size[:, None], 1.0) ** 2 for sign in (-1.0, 1.0)
+    )
     # the other way round it has gone through zero
-    plain, other_way = 1.0 - same + _NEAR * apart, 1.0 - turned + _NEAR * through
+    plain, other_way = (1.0 - way + _NEAR * change for way, change in ((same, apart), (turned, through)))
     way = (other_way < plain) & np.array([mode.kind in ("vibration", "flutter") for mode in after])
     return np.where(way, other_way, plain), way
 
@@ -245,6 +269,11 @@ def _beyond(mode: Mode, order: int, rate: float, sense: int = 0) -> float:
     return float(-(mode.value**2).real - (order * rate) ** 2)
 
 
+def _powered(rate: float, power: float) -> float:
+    """Return a power of a rate, with its sign."""
+    return math.copysign(abs(rate) ** power, rate)
+
+
 def _crossings(every: Campbell, start: About) -> list[Crossing]:
     found: list[Crossing] = []
     for number, track in enumerate(every.tracks, 1):
@@ -274,7 +303,8 @@ def _located(every: Campbell, start: About, number: int, order: int, k: int) -> 
     for _ in range(_TRIES):
         (low, first, near, own), (high, last, _, _) = ends
         a, b = values
-        before, rate = rate, float(((low**power * b - high**power * a) / (b - a)) ** (1.0 / power))
+        between = (_powered(low, power) * b - _powered(high, power) * a) / (b - a)
+        before, rate = rate, _powered(between, 1.0 / power)
         state = at_rate(near, start, rate)
         most = max(abs(mode.value) for _, mode, _, _ in ends) if turns else np.inf
         every_one = modes_of(state, len(every.tracks) + _SPARE).modes
@@ -282,15 +312,15 @@ def _located(every: Campbell, start: About, number: int, order: int, k: int) -> 
         if not modes:
             break
         unlike, turned = _unlike(Modes(state, tuple(modes), None, False), [first, last], modes)
-        j = int(np.argmin(unlike.sum(axis=0)))  # where one end is a mixture, the other tells
+        j = int(np.argmin([high - rate, rate - low] @ unlike))  # squares of changes: what lies between them
         mode, sense = modes[j], own * (-1 if turned[0, j] else 1)
         here, frequency = _beyond(mode, order, rate, sense), mode.frequency
-        if abs(rate - before) <= _CLOSE * rate or not here or not mode.value:
+        if abs(rate - before) <= _CLOSE * abs(rate) or not here or not mode.value:
             break
         which = 0 if here * a > 0.0 else 1
         ends[which], values[which] = (rate, mode, state, sense), here
         # an end that stays counts for half, or it would stay for ever
         values[1 - which] *= 0.5 if which == kept else 1.0
         kept = which
-    at_all = abs(2.0 * np.pi * frequency - order * rate) <= _AT * rate
+    at_all = abs(2.0 * np.pi * frequency - order * abs(rate)) <= _AT * abs(rate)
     return Crossing(number, order, rate, frequency) if at_all else None
