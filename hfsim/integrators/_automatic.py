@@ -27,8 +27,9 @@ IN_A_ROW = 3
 """Attempts that fail one after another from which it is not either."""
 SHARPER = 1e-3
 """Tolerance of explicit steps, over that of collocation, which errors then keep."""
-FINEST = 1e-8
-"""Tolerance below which theirs would be rounding."""
+FINEST, FINEST_OF_LOOPS = 1e-8, 1e-6
+"""Tolerance below which theirs would be rounding, or so close to it that steps do not get across positions
+where loops lose their rank."""
 SMALL = 1e-6
 """Size of a disturbance."""
 
@@ -56,7 +57,8 @@ class Automatic:
 
     def start(self, problem: Problem, t: float, q: Array, v: Array) -> Stepper:
         """Return what makes the steps from an initial state."""
-        if problem.rigid_tree or (problem.positional and self.usual.tolerance >= ROUGH):
+        rigid = problem.rigid and self.usual.tolerance >= (FINEST_OF_LOOPS if problem.loops else FINEST)
+        if rigid or (problem.positional and self.usual.tolerance >= ROUGH):
             return AutomaticStepper(self, problem, t, q, v)
         return self.usual.start(problem, t, q, v)
 
@@ -64,7 +66,7 @@ class Automatic:
         """Return what makes explicit steps from a state whose accelerations may be known."""
         from hfsim.integrators.explicit import Explicit  # few scenes need it
 
-        sharper = SHARPER if problem.rigid_tree else 1.0
+        sharper = SHARPER if problem.rigid else 1.0
         return Explicit(sharper * self.usual.tolerance).start(problem, t, q, v, a)
 
 
@@ -76,7 +78,7 @@ class AutomaticStepper(Stepper):
     def __init__(self, method: Automatic, problem: Problem, t: float, q: Array, v: Array) -> None:
         self._method, self._problem, self._start = method, problem, (t, q, v)
         self._made, self._failed, self._since = 0, 0, t
-        self._few = FEW[problem.slopes is not None and problem.slopes.pays] if problem.rigid_tree else BENDING
+        self._few = FEW[problem.slopes is not None and problem.slopes.pays] if problem.rigid else BENDING
         self._take(*self._begun())
         self.first, self._label = self._now.first, self._now.label
 

@@ -137,8 +137,8 @@ class Problem:
         Whether the state are coordinates with a constant mass matrix.
     quartic : bool
         Whether, besides, joints are linear in them and the potential is a polynomial of degree four at most.
-    rigid_tree : bool
-        Whether bodies are rigid and joints close no loops, whose equations may lose their rank.
+    rigid, loops : bool
+        Whether all bodies are; whether joints close loops, whose equations may lose their rank.
     many_forces : bool
         Whether forces are so many that calls of Python take most of the time.
     breaks : ndarray
@@ -173,7 +173,8 @@ class Problem:
     strains: Strains | None = None
     constant_mass: bool = True
     quartic: bool = False
-    rigid_tree: bool = False
+    rigid: bool = False
+    loops: bool = True
     many_forces: bool = False
     breaks: Array = field(default_factory=lambda: np.zeros(0))
     period: float = np.inf

@@ -24,7 +24,7 @@ from hfsim.mechanics.strained import Strains
 from hfsim.mechanics.system import System
 from hfsim.parts.bodies.vector_beam import VectorBeam
 from hfsim.scene.build import Scene
-from hfsim.scene.rules import rigid_tree
+from hfsim.scene.rules import closes_loops
 from hfsim.scene.schema import SolveSpec
 
 if TYPE_CHECKING:
@@ -186,7 +186,8 @@ def problem_of(scene: Scene) -> Problem:
         strains=Strains.of(system),
         constant_mass=not system.charts and not system.variable_mass,
         quartic=system.quartic,
-        rigid_tree=rigid_tree(scene.deck),
+        rigid=all(body.rigid for body in scene.deck.bodies.values()),
+        loops=closes_loops(scene.deck),
         many_forces=len(system.forces) >= MANY,
         breaks=system.breaks(scene.deck.solve.duration),
         period=system.period,

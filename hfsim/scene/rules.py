@@ -349,13 +349,11 @@ def connected(deck: Deck, still: Iterable[str]) -> list[tuple[str, ...]]:
     return list(dict.fromkeys(tuple(n for n in part if n in part[name]) for name in part))
 
 
-def rigid_tree(deck: Deck) -> bool:
-    """Tell whether all bodies are rigid, and no two that joints connect are connected another way too."""
-    if not all(body.rigid for body in deck.bodies.values()):
-        return False
+def closes_loops(deck: Deck) -> bool:
+    """Tell whether any two bodies that a joint connects are connected another way too."""
     pairs = {frozenset(owners(joint)) for joint in deck.joints.values()}
     part = _parts_of(("ground", *deck.bodies), pairs)
-    return len(part) - len(pairs) == len({id(one) for one in part.values()})
+    return len(part) - len(pairs) != len({id(one) for one in part.values()})
 
 
 def _parts_of(names: Iterable[str], ties: Iterable[Collection[str]]) -> dict[str, set[str]]:

@@ -57,7 +57,9 @@ def methods(text, *settings):
     return done.trajectory.methods
 
 
-@pytest.mark.parametrize("case", ["tumbling", "heavy_top", "joints", "extreme/mass_ratio"])
+@pytest.mark.parametrize(
+    "case", ["tumbling", "heavy_top", "joints", "extreme/mass_ratio", "bricard", "verify/andrews"]
+)
 def test_mechanisms_of_few_turns_are_made_explicitly_and_keep_the_tolerance(case):
     def ends(*settings):
         scene = build(load_deck(CASES / f"{case}.yaml", ["solve.tolerance=1e-5", *settings]))
@@ -105,18 +107,33 @@ def test_accelerations_that_are_said_to_depend_on_positions_alone_do(case, model
     [
         (BEAM, ()),
         (BEAM, ("solve.tolerance=1e-3", "materials.rubber.youngs_modulus=1e11")),
-        (FOUR_BARS, ("solve.duration=0.1",)),
+        (FOUR_BARS, ("solve.duration=0.1", "solve.tolerance=1e-7")),
+        (FOUR_BARS, ("solve.duration=0.1", "initial.a0.angle=1e-3", "initial.a1.angle=1e-3", "initial.a2.angle=1e-3")),
         (DISC % 0.0, ("solve.step=0.1",)),
         (DISC % 0.0, ("solve.stages=6",)),
         (DISC % 0.0, ("solve.tolerance=1e-9",)),
         (DISC % 0.0, ("solve.duration=50",)),
         (DISC % 50.0, ()),
     ],
-    ids=["bends", "stiff", "loop", "step", "stages", "tight", "long", "stiff damper"],
+    ids=["bends", "stiff", "tight loop", "loop next to a dead centre", "step", "stages", "tight", "long", "stiff damper"],
 )
 def test_other_scenes_are_for_collocation(text, settings):
     assert methods(DISC % 0.0) == ["explicit"]
     assert "explicit" not in methods(text, *settings)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+@pytest.mark.parametrize("rate", [0.83, 0.97, 1.02, 1.14, 1.29])
+def test_loops_go_on_as_they_were_through_positions_where_they_lose_their_rank(rate, tolerance):
+    """There all bars line up, and could go on crossed: those that stand would no longer be parallel."""
+    rates = [f"initial.a{k}.angular_velocity={-rate}" for k in range(3)]
+    scene = build(parse_deck(FOUR_BARS, "scene.yaml", [*rates, f"solve.tolerance={tolerance}"]))
+    done = run_integration(scene, scene.deck.solve)
+    assert done.stop is None and done.trajectory.methods[0] == "explicit"
+    q = done.trajectory.at(np.linspace(0.0, 10.0, 201))[0]
+    x = scene.system.absolute(q)
+    upright = [scene.bodies[name].marker((0.0, 0.0)).frame(x)[..., 0] for name in ("a0", "a1", "a2")]
+    assert np.ptp(upright, axis=0).max() < 10.0 * tolerance
 
 
 @pytest.mark.parametrize(("damping", "rate"), [(0.0, 4.0), (4.0, 8.0), (50.0, 100.0)])
