@@ -246,6 +246,14 @@ class ExpressionLaw(Law):
         every = -(-len(turns) // MOST_TURNS) or 1
         return np.concatenate([turns[::every], *(zeros[:MOST_TURNS] for zeros in found)])
 
+    def period(self, t_end: float) -> float:
+        """Return the time in which the argument of a sine or cosine turns once where it turns fastest [s]."""
+        t = np.linspace(0.0, t_end, SAMPLES + 1)
+        with np.errstate(all="ignore"):
+            jets = [_function(one)([t, 1.0]) for one in _turning(self.tree)]
+        fastest = max((float(np.abs(one[1]).max()) for one in jets if isinstance(one, list)), default=0.0)
+        return 2.0 * math.pi / fastest if fastest else math.inf
+
     def trouble(self, t_end: float, orders: Sequence[int]) -> tuple[float, str] | None:
         """Return when, until the end, it or one of its derivatives is not finite, and what that is."""
         t = np.linspace(0.0, t_end, SAMPLES + 1)
@@ -319,6 +327,14 @@ def _divisors(node: Node) -> Iterator[Callable[[Array], Array]]:
         yield lambda t: np.cos(_value(node.args[0], t))
     for one in node.args:
         yield from _divisors(one)
+
+
+def _turning(node: Node) -> Iterator[Node]:
+    """Yield the arguments of sines and cosines of time."""
+    if node.kind == "call" and node.head in ("sin", "cos") and of_time(node):
+        yield node.args[0]
+    for one in node.args:
+        yield from _turning(one)
 
 
 def _pairs(nodes: Sequence[Node]) -> Iterator[tuple[Node, Node]]:

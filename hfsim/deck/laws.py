@@ -22,9 +22,8 @@ class Law(ABC):
     Between their breaks, all laws are twice continuously differentiable.
     """
 
-    @property
-    def period(self) -> float:
-        """Time after which it repeats itself [s]; infinite where it never does."""
+    def period(self, t_end: float) -> float:
+        """Return the time of its quickest oscillation until the end [s]; infinite where it has none."""
         return math.inf
 
     def breaks(self, order: int, t_end: float = math.inf) -> Array:
@@ -150,9 +149,8 @@ class SineLaw(Law):
     phase: float
     offset: float
 
-    @property
-    def period(self) -> float:
-        """Time of one oscillation [s]."""
+    def period(self, t_end: float) -> float:
+        """Return the time of one oscillation [s]."""
         return 2.0 * math.pi / self.w
 
     def _derivative(self, t: Array, order: int) -> Array:
@@ -168,10 +166,9 @@ class ShiftedLaw(Law):
     law: Law
     start: float
 
-    @property
-    def period(self) -> float:
-        """Time after which the other repeats itself [s]."""
-        return self.law.period
+    def period(self, t_end: float) -> float:
+        """Return that of the other, if it begins."""
+        return self.law.period(t_end - self.start) if self.start < t_end else math.inf
 
     def breaks(self, order: int, t_end: float = math.inf) -> Array:
         """Return the start and the breaks of the other."""

@@ -90,7 +90,7 @@ class AutomaticStepper(Stepper):
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Try a step of length h; go over to collocation if explicit ones fail."""
         attempt = self._attempted(t, q, v, h)
-        self._label = self._now.label
+        self._label, self.longest = self._now.label, self._now.longest
         return attempt
 
     def _attempted(self, t: float, q: Array, v: Array, h: float) -> Attempt:
@@ -159,7 +159,7 @@ class AutomaticStepper(Stepper):
         self._take(self._method.usual.start(self._problem, t, q, v), False)
 
     def _take(self, stepper: Stepper, explicit: bool) -> None:
-        self._now, self.name, self._explicit = stepper, stepper.name, explicit
+        self._now, self.name, self._explicit, self.longest = stepper, stepper.name, explicit, stepper.longest
 
     def _begun(self) -> tuple[Stepper, bool]:
         """Return what makes the steps, and whether that is by explicit ones: if few make the run."""

@@ -60,8 +60,8 @@ class Limits(NamedTuple):
     shortest: float = 1e-11
 
 
-ENDS_ALONE = 0.1
-"""`Stepper.unlike` of methods that see the ends of a step alone."""
+SPAN, SPAN_OF_POINTS = 0.25, 0.1
+"""Oscillations of a law that a step may span for each stage of collocation, or place that others look at."""
 
 
 class Attempt(NamedTuple):
@@ -119,10 +119,6 @@ class Stepper(Remembering):
     looks_back: ClassVar[bool] = False
     """Whether a step depends on more than the state in which it begins."""
 
-    unlike: ClassVar[float] = 1.3
-    """Periods of a law within which the first step behind a break ends: after one, all would look as before;
-    after half a one of a sine too, to a method that sees the ends of a step alone."""
-
     reach: float = 0.0
     """Time over which errors of velocities count where breaks make steps short [s]: a push may be over soon,
     but what it did to the velocities goes on."""
@@ -132,6 +128,9 @@ class Stepper(Remembering):
 
     first: float
     """First step length to try [s]."""
+
+    longest: float = math.inf
+    """Longest step [s]: in longer ones laws of time that oscillate would look like slower ones."""
 
     def kept(self) -> Callable[[], dict[str, Any]]:
         """Return what tells the memory of now: it may be that of others too, which change in place."""

@@ -184,7 +184,8 @@ class Stepping:
             made, edges = len(steps), edges if len(steps) == made else 0
             if most is not None and self._problem.counts.steps >= most:
                 raise LimitReached(f"{most} steps were made", path.t_end)
-            h = fitted(fixed or self._wish, self._stretch[1] - path.t_end, fixed is not None)
+            wish = fixed or min(self._wish, stepper.longest)
+            h = fitted(wish, self._stretch[1] - path.t_end, fixed is not None)
             attempt = self._attempt(stepper, h)
             if fixed is not None and not attempt.solved:  # asked again, a method may know another way
                 attempt = self._attempt(stepper, h)
@@ -215,7 +216,7 @@ class Stepping:
         self._kept = self._memories()
         ahead = None
         with suppress(np.linalg.LinAlgError):  # the attempt that follows will raise it again
-            ahead = stepper.ahead(path.t_end, path.q, path.v, self._wish, end, room)
+            ahead = stepper.ahead(path.t_end, path.q, path.v, min(self._wish, stepper.longest), end, room)
         if ahead is None:
             return False
         self._wish = ahead.state.wish
@@ -271,7 +272,6 @@ class Stepping:
         if self._behind_break and stepper.looks_back and changes:
             stepper = self._restarted()
             self._wish = stepper.first
-        self._wish = min(self._wish, stepper.unlike * self._problem.period)
         return stepper
 
     def _go_into(self, begin: int, end: int) -> None:
@@ -296,8 +296,7 @@ class Stepping:
                 return stepper
         except np.linalg.LinAlgError:
             pass
-        why = "the accelerations at the start are not finite"
-        raise self._culprit(0.0) or SolverFailure(why, path.t_end)
+        raise self._culprit(0.0) or SolverFailure("the accelerations at the start are not finite", path.t_end)
 
     def _attempt(self, stepper: Stepper, h: float) -> Attempt:
         """Try a step and move its end onto the constraints."""

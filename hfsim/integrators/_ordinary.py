@@ -83,6 +83,8 @@ class Rule(NamedTuple):
     """Corrections of the positions at most; 0 without joints."""
     turned: float
     """How far angles may turn away from what is known of them [rad]."""
+    longest: float
+    """Of the stepper [s]."""
     growths: Array
     """Pairs: corrections in a step, and how much longer the next one may then be."""
 

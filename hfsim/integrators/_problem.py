@@ -145,7 +145,7 @@ class Problem:
         Times at which a step has to end, sorted [s]: between them no law of time hides anything from a method
         that looks at the ends of its steps alone, save those that repeat themselves.
     period : float
-        The shortest time after which such a one does [s].
+        The shortest oscillation of a law [s].
     turns : Turns
         What counts the turns of angles along the steps.
     edges : Edges

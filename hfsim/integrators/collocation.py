@@ -23,7 +23,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from hfsim.integrators._base import Attempt, Integrator, Options, Stability, Stepper, unsolved
+from hfsim.integrators._base import SPAN, Attempt, Integrator, Options, Stability, Stepper, unsolved
 from hfsim.integrators._derivative import Derivative
 from hfsim.integrators._ending import MAX_ITERATIONS, Ending, limits
 from hfsim.integrators._iteration import LINEAR, End, Iteration, Kind, Place
@@ -331,6 +331,7 @@ class CollocationStepper(Stepper):
         self.name, self._stiff = "radau" if damping else self._method.name, stiff
         self.table = damping() if damping else self._usual
         self._label = f"{self.name}:{self.table.stages}"
+        self.longest = SPAN * self.table.stages * self._problem.period
         self._at_end = bool(self.table.nodes[-1] == 1.0)
         """Whether the last stage is the end of the step."""
         few = self._method.damping is not None and self._usual.stages < GAUSS_STAGES
@@ -347,7 +348,7 @@ class CollocationStepper(Stepper):
         iterations = (*limits(self._tolerance), LINEAR, MAX_ITERATIONS, self._tolerance, self.reach)
         lengths = (TARGET, 1.0 / (stages + 1), FAINT, RUNGS, np.inf, self._resolved, self._stiff)
         serving = (SERVES, SERVES_WELL, SHRUNK, self._steady, REGROWTH)
-        ending = (self._at_end * stages, ROUNDING, closings, NEAR)
+        ending = (self._at_end * stages, ROUNDING, closings, NEAR, self.longest)
         return Rule(*iterations, *lengths, *serving, *ending, np.ravel(self.growths)).told()
 
 

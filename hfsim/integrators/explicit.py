@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hfsim.integrators._base import Attempt, Integrator, Options, Stability, Stepper
+from hfsim.integrators._base import SPAN_OF_POINTS, Attempt, Integrator, Options, Stability, Stepper
 from hfsim.integrators._iteration import End, Place
 from hfsim.integrators._lengths import FAINT, ROUGH, RUNGS, SHRUNK, TARGET, factor, fitted
 from hfsim.integrators._nystrom import Nystrom, Step, order_6, order_8
@@ -67,6 +67,7 @@ class ExplicitStepper(Stepper):
     ) -> None:
         self.name, self._tolerance, self._problem = method.name, method.tolerance, problem
         self._table = table = method.table(problem)
+        self.longest = SPAN_OF_POINTS * len(table.nodes) * problem.period
         self._known: Array = problem.single(t, q, v) if known is None else known
         size = float((np.abs(self._known) / (1.0 + np.abs(q))).max())
         self.first = float(self._tolerance ** (1.0 / table.order)) / float(np.sqrt(max(size, 1.0)))
@@ -78,7 +79,7 @@ class ExplicitStepper(Stepper):
             goal=0.0, near=0.0, last_digit=0.0, linear=0.0, most=0.0, tolerance=self._tolerance, reach=0.0,
             target=TARGET, power=1.0 / table.order, faint=FAINT, rungs=RUNGS, end=0.0, resolved=never,
             stiff=0.0, serves=never, serves_well=never, shrunk=SHRUNK, steady=0.0, regrowth=REGROWTH,
-            at_end=self._end, rounding=ROUNDING, closings=closings, turned=NEAR,
+            at_end=self._end, rounding=ROUNDING, closings=closings, turned=NEAR, longest=self.longest,
             growths=np.array([never, GROWTH]),
         ).told()  # fmt: skip
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from hfsim.integrators._base import (
-    ENDS_ALONE,
+    SPAN_OF_POINTS,
     Attempt,
     Integrator,
     Options,
@@ -103,13 +103,13 @@ class GearStepper(Stepper):
         Accelerations.
     """
 
-    looks_back, unlike = True, ENDS_ALONE
+    looks_back = True
     remembers = ("_h", "_k", "_a", "_D", "_same", "_stuck")
 
     def __init__(
         self, method: Gear, problem: Problem, h: float, order: int, differences: Array, a: Array
     ) -> None:
-        self.name, self.first = method.name, h
+        self.name, self.first, self.longest = method.name, h, SPAN_OF_POINTS * problem.period
         self._method, self._newton = method, Newton(problem, MAX_ITERATIONS, patience=0, listens=True)
         self._h, self._k, self._a = h, order, a
         self._D = np.zeros((MAX_ORDER + 3, *differences.shape[1:]))

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfsim.integrators._base import (
-    ENDS_ALONE,
+    SPAN_OF_POINTS,
     Attempt,
     Integrator,
     Options,
@@ -72,7 +72,7 @@ class GeneralizedAlphaStepper(Stepper):
         Accelerations at the start of a step, and the method's own, which it averages.
     """
 
-    looks_back, unlike = True, ENDS_ALONE
+    looks_back = True
     remembers = ("a", "smooth", "_slope")
 
     def __init__(self, method: GeneralizedAlpha, problem: Problem, t: float, q: Array, v: Array) -> None:
@@ -84,7 +84,7 @@ class GeneralizedAlphaStepper(Stepper):
         self._newton = Newton(problem, MAX_ITERATIONS, patience=1)
         self.a = self.smooth = problem.single(t, q, v)
         self._slope: Array = np.zeros(len(q))
-        self.first = cautious_step(self.a, q, self._tolerance)
+        self.first, self.longest = cautious_step(self.a, q, self._tolerance), SPAN_OF_POINTS * problem.period
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Solve a = a(t + h, q, v) at the end of the step."""

@@ -22,7 +22,7 @@ enum { TIME, LENGTH, Q, V, FIRST, STAGES, CHANGE, SIZE, SCALE, Q_END, V_END, SER
        ROWS, ROW, FOUND, MISS, SLIP, Q_CLOSED, V_CLOSED, POSITIVE, Q_LOOKED, V_LOOKED, FARTHEST, RULE, STATE, BEFORE, TAKEN_BEFORE, KEPT, ARRAYS };
 typedef struct {
     double goal, near, last_digit, linear, most, tolerance, reach, target, power, faint, rungs, end, resolved, stiff, serves, serves_well, shrunk,
-        steady, regrowth, at_end, rounding, closings, turned, growth[][2];
+        steady, regrowth, at_end, rounding, closings, turned, longest, growth[][2];
 } Rule;
 typedef struct { double known, old, served, cap, wish, rejected, ready, fastest, iterations, begun, renewed, total, converged, made; } State;
 typedef struct { Py_buffer program[PROGRAMS], array[ARRAYS]; PyObject *calls; double *at[ARRAYS]; } March;
@@ -109,8 +109,9 @@ static double factor(const Rule *r, double error, double most) {
     return pow(2.0, rint(r->rungs * log2(growth > 0.1 ? growth : 0.1)) / r->rungs);
 }
 static void lengthen(const March *m, double wish) {
-    const double rest = ((Rule *)m->at[RULE])->end - *m->at[TIME];
-    ((State *)m->at[STATE])->wish = wish;
+    const Rule *r = (Rule *)m->at[RULE];
+    const double rest = r->end - *m->at[TIME];
+    ((State *)m->at[STATE])->wish = wish = wish < r->longest ? wish : r->longest;
     *m->at[LENGTH] = rest <= wish * (1.0 + 1e-9) ? rest : rest < 2.0 * wish ? 0.5 * rest : wish;
 }
 
