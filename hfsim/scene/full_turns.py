@@ -9,10 +9,10 @@ import numpy as np
 
 from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array
-from hfsim.maths.rotations import wrap
+from hfsim.maths.rotations import rotation_vector, wrap
 from hfsim.mechanics.directions import THIRD, along, unit
 from hfsim.parts.specs import JointSpec
-from hfsim.scene.facing import by_holding
+from hfsim.scene.facing import Facings, by_holding
 from hfsim.scene.schema import Deck
 
 
@@ -60,7 +60,7 @@ class FullTurns:
 
     @cached_property
     def _known(self) -> Mapping[str, Array]:
-        """Rotation vectors against the ground (3,), but for less than half a turn where handed on."""
+        """Rotation vectors against the ground (3,), of half a turn at most but for turns stated."""
         stated = {name: entry.turns for name, entry in self._deck.motions.items()}
         known = {"ground": np.zeros(3)} | {name: one for name, one in stated.items() if one is not None}
         steps = dict(self._driven)
@@ -73,7 +73,7 @@ class FullTurns:
             for (a, b), step in steps.items():
                 _hand_on(known, a, b, step)
                 _hand_on(known, b, a, -step)
-        return known
+        return {name: rotation_vector(R) for name, R in Facings(self._deck).known.items()} | known
 
 
 def _hand_on(known: dict[str, Array], a: str, b: str, step: Array) -> None:

@@ -282,6 +282,16 @@ OF_THE_AXIS = "initial: {m: {orientation: {axis: AXIS, angle: %s}}}"
 VECTOR = "initial: {m: {orientation: {rotation_vector: [0, 0, %s]}}}"
 WELDED = """,
   f: {type: fixed, between: [m, n]}"""
+ON_A_FREE_BODY = """
+hfsim: 1
+gravity: [0.0, 0.0, 0.0]
+bodies: {bus: {type: rigid, mass: 9.0, inertia: [1, 1, 1]}, m: {type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1]}}
+joints: {c: {type: revolute, between: [bus, m], axis: AXIS}}
+springs: {k: {type: rotational, between: [bus, m], axis: AXIS, stiffness: 0.5, rest_angle: 180 deg}}
+initial: {m: {angle: %s}}
+solve: {duration: 0.05}
+output: {channels: [energy.total]}
+"""
 SECOND = "springs: {k: {type: rotational, between: [n, ground], axis: AXIS, stiffness: 0.5, rest_angle: %s}}"
 
 
@@ -297,6 +307,8 @@ SECOND = "springs: {k: {type: rotational, between: [n, ground], axis: AXIS, stif
         (IN_SPACE % ("", WELDED, SECOND % "0" + "\n" + STATED % "9.0"), [0, 0, 1], 0.25 * 81.0),
         (IN_SPACE % ("", DRIVER + WELDED, SECOND % "-180 deg"), [0, 3, 4], 0.25 * np.deg2rad(20.0) ** 2),
         (IN_SPACE % ("", DRIVER, SPRING % "180 deg"), [0, 0, 1], 0.25 * np.deg2rad(20.0) ** 2),
+        (ON_A_FREE_BODY % "270 deg", [0, 0, 1], 0.25 * np.deg2rad(90.0) ** 2),
+        (ON_A_FREE_BODY % "-9.0", [0, 0, 1], 0.25 * (9.0 + np.pi) ** 2),
     ],
 )  # fmt: skip
 def test_turns_that_a_deck_states_in_space_count(deck, axis, energy):
