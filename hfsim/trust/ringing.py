@@ -61,16 +61,22 @@ def ringing(run: Compared, budget: Budget) -> dict[str, Any] | None:
     channel, change = farthest({name: changes[name] for name in motion if name in changes} or changes)
     if fewer < SAVES or change is None or change > UNASKED:
         return None
+    vibration = _vibration(scene, done)
     found = {"tolerance": looser, "fewer_steps": fewer, "change": change, "channel": channel}
-    return found | _vibration(scene, done)
+    return None if vibration is None else found | vibration
 
 
-def _vibration(scene: Scene, done: Integration) -> dict[str, Any]:
-    """Return frequency and body of the mode that most limits the steps, by the ends of their series."""
-    steps = done.trajectory.segments[-LOOKED_AT:]
+def _vibration(scene: Scene, done: Integration) -> dict[str, Any] | None:
+    """Return frequency and body of the mode that most limits the steps, by the ends of their series.
+
+    None where nothing is free to vibrate.
+    """
+    steps, unknown = done.trajectory.segments[-LOOKED_AT:], {"frequency": None, "item": ""}
     if scene.system.n > LARGEST:
-        return {"frequency": None, "item": ""}
+        return unknown
     modes = Modes.of(done.problem.near(steps[-1].t, steps[-1].q, steps[-1].v))
+    if not modes.stiffness.size:
+        return None
     w2, shapes = np.linalg.eig(-modes.stiffness)
     frequency, moved = np.sqrt(np.maximum(w2.real, 0.0)), modes.basis @ shapes.real
     size = np.abs(moved).max(axis=0)
@@ -79,6 +85,6 @@ def _vibration(scene: Scene, done: Integration) -> dict[str, Any]:
     parts = np.abs(np.linalg.solve(shapes, (ends @ modes.basis).T)) * size[:, None]
     k = int(np.argmax(parts.max(axis=1)))
     if not frequency[k]:
-        return {"frequency": None, "item": ""}
+        return unknown
     item = body_of(scene, np.abs(moved[:, k]))
     return {"frequency": float(frequency[k]) / (2.0 * np.pi), "item": item}

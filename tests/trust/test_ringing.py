@@ -39,3 +39,17 @@ def test_a_vibration_that_an_output_shows_is_not():
     shown = ["output.channels=[fast.x]", "springs.hard.rest_length=0.45", "solve.duration=0.4"]
     deck = parse_deck(HUMMING, "deck", shown)
     assert simulate(deck, error_estimate=False, diagnosis=True).statistics.get("ringing") is None
+
+
+DRIVEN = """hfsim: 1
+bodies: {b: {type: rigid, mass: 2.0, inertia: 0.3, points: {p: [-0.4, 0.0]}}}
+joints:
+  h: {type: revolute, between: [ground, b.p]}
+  d: {type: driver, between: [ground, b.p], angle: {type: sine, amplitude: 0.5, frequency: 1.5}}
+solve: {duration: 1.0, method: generalized_alpha}
+"""
+
+
+def test_nothing_vibrates_where_nothing_is_free():
+    found = simulate(parse_deck(DRIVEN), error_estimate=False, diagnosis=True)
+    assert found.status == "done" and found.statistics.get("ringing") is None
