@@ -154,9 +154,8 @@ OSCILLATIONS = [
 def test_no_step_spans_so_many_oscillations_that_they_look_like_a_slower_one(name, law):
     """What a mass does that 10 N push to and fro is below the tolerance: nothing else keeps steps short."""
     law = LAWS[law["type"]].model_validate(law).build()
-    pushed = problem_of(
-        lambda t, q, v: 10.0 * law.value(t)[:, None] + 0.0 * q, period=law.period(3.0), breaks=law.breaks(0, 3.0)
-    )
+    known = {"period": law.period(3.0), "breaks": law.breaks(0, 3.0)}
+    pushed = problem_of(lambda t, q, v: 10.0 * law.value(t)[:, None] + 0.0 * q, **known)
     found, _ = run(pushed, FREE[name](1e-3), [0.0], [0.0], 3.0)
     w = 2.0 * np.pi * 99.73
     assert found.q == pytest.approx(10.0 * (1.0 - np.cos(3.0 * w)) / w**2, abs=0.05)

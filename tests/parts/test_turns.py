@@ -285,7 +285,7 @@ WELDED = """,
 ON_A_FREE_BODY = """
 hfsim: 1
 gravity: [0.0, 0.0, 0.0]
-bodies: {bus: {type: rigid, mass: 9.0, inertia: [1, 1, 1]}, m: {type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1]}}
+bodies: {bus: {type: rigid, mass: 9, inertia: [1, 1, 1]}, m: {type: rigid, mass: 1, inertia: [0.1, 0.1, 0.1]}}
 joints: {c: {type: revolute, between: [bus, m], axis: AXIS}}
 springs: {k: {type: rotational, between: [bus, m], axis: AXIS, stiffness: 0.5, rest_angle: 180 deg}}
 initial: {m: {angle: %s}}
