@@ -17,7 +17,7 @@ import numpy as np
 
 from hfsim.marching.alike import alike
 from hfsim.marching.solution import Channel
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, magnitude
 from hfsim.parts.channels import Samples, is_judged
 from hfsim.scene.build import Scene
 
@@ -66,11 +66,6 @@ def group_of(unit: str) -> str:
 def span(values: Array) -> float:
     """Return the largest minus the smallest value; 0 where there is none."""
     return float(np.ptp(values)) if len(values) else 0.0
-
-
-def magnitude(values: Array) -> float:
-    """Return the largest absolute value; 0 where there is none."""
-    return float(np.abs(values).max(initial=0.0))
 
 
 def unit_sizes(channels: Iterable[Channel], size: Callable[[Array], float]) -> dict[str, float]:

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from hfsim.marching.distance import MOMENTS, magnitude, related, unit_sizes
+from hfsim.marching.distance import MOMENTS, related, unit_sizes
 from hfsim.marching.solution import Channel
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, magnitude
 from hfsim.parts.channels import is_judged
 
 ROUNDING = 1e-12

@@ -80,6 +80,11 @@ def random_signs(shape: tuple[int, ...]) -> Array:
     return signs
 
 
+def magnitude(values: Array) -> float:
+    """Return the largest absolute value; 0 where there is none."""
+    return float(np.abs(values).max(initial=0.0))
+
+
 def are_finite(a: Array, b: Array) -> bool:
     """Tell whether all entries of two arrays (n,) are finite.
 

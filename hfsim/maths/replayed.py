@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar, cast
 import numpy as np
 
 from hfsim.maths import kernel
-from hfsim.maths.arrays import Array, random_signs
+from hfsim.maths.arrays import Array, magnitude, random_signs
 from hfsim.maths.traced import Refused, plain
 
 AGREEING = 1e-7
@@ -70,7 +70,7 @@ class Replayed(Generic[_Result]):
             # NumPy goes first: what is kept when it is first asked for must not be made on the tape
             some = (later(given[0]), *map(shaken, given[1:]))
             expected = _arrays(self._function(*some))
-            scale = max(map(_largest, expected))
+            scale = max(map(magnitude, expected))
             tape = Recorder()
             inputs = [tape.input(np.asarray(one, dtype=float)) for one in given]
             with np.errstate(all="ignore"), recording(tape):
@@ -103,11 +103,7 @@ def _jitters(given: Sequence[Any]) -> Iterator[list[Array]]:
 
 def _farthest(near: Callable[[], Sequence[Sequence[Array]]], k: int, own: Array) -> list[Array]:
     """Return the k-th of results that is farthest from one's own."""
-    return [max((found[k] for found in near()), key=lambda one: _largest(one - own))]
-
-
-def _largest(a: Array) -> float:
-    return float(np.maximum.reduce(np.abs(a), None, initial=0.0))
+    return [max((found[k] for found in near()), key=lambda one: magnitude(one - own))]
 
 
 def agree(
@@ -133,19 +129,19 @@ def agree(
     """
     reach = 0.0 if near is None else None
     for one, other in zip(own, found, strict=True):
-        size = _largest(one)
+        size = magnitude(one)
         if not isfinite(size):
             there = np.isfinite(one)
             if (np.isfinite(other) != there).any():
                 raise Refused("other numbers are finite")
             one, other = one[there], other[there]
-            size = _largest(one)
-        error = _largest(one - other)
+            size = magnitude(one)
+        error = magnitude(one - other)
         if error <= max(agreeing * size, ROUNDING * scale):
             continue
         if reach is None and near is not None:
             pairs = zip(own, near(), strict=True)
-            reach = max(_largest(a - b) for a, b in pairs)
+            reach = max(magnitude(a - b) for a, b in pairs)
         if not error <= REACH * (reach or 0.0):
             raise Refused(f"{error:.3g} of {size:.3g} differ")
 

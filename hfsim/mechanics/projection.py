@@ -9,7 +9,7 @@ from weakref import ref
 
 import numpy as np
 
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, magnitude
 from hfsim.maths.frozen import frozen
 from hfsim.mechanics.equations import Equations
 
@@ -115,7 +115,7 @@ class Projection:
                 solve, before = self.system.equations.constrained_at(x), float(miss)
             given = (t, x, u, gap, *((solve,) if solve else ()))
             x, gap, miss, drift, slip = self.through(CLOSER + many, self.closer, given)
-        if strict and corrections == MOST and not _largest(gap) <= CLOSED * max(1.0, _largest(x)):
+        if strict and corrections == MOST and not magnitude(gap) <= CLOSED * max(1.0, magnitude(x)):
             raise np.linalg.LinAlgError("the joints cannot be closed")
         if float(slip) > ROUNDING:
             given = (q, x, u, drift, *((solve,) if solve and before * float(slip) <= ROUNDING else ()))
@@ -163,7 +163,3 @@ class Projection:
         equations, nothing = self.system.equations, np.zeros((len(x), self.system.equations.n))
         moves = (solve(nothing, gap) if solve else equations.constrained(x, nothing, gap))[0]
         return equations.reduction.expand_rates(moves)
-
-
-def _largest(a: Array) -> float:
-    return float(np.abs(a).max(initial=0.0))

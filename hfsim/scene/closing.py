@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, BoolArray, IntArray
+from hfsim.maths.arrays import Array, BoolArray, IntArray, magnitude
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import smallest_step
 from hfsim.maths.rotations import freedoms, rotation, rotation_rates, rotation_vector, wrap
@@ -184,9 +184,9 @@ class Linkage:
     def apart(self, one: Array, other: Array) -> float:
         """Return by how much turns differ between two places (n,) [rad], at most, full turns aside."""
         if self.centres is None:
-            return largest(wrap(one - other)[self.turns])
+            return magnitude(wrap(one - other)[self.turns])
         first, second = (rotation(x.reshape(-1, 6)[:, 3:]) for x in (one, other))
-        return largest(np.linalg.norm(rotation_vector(first @ second.swapaxes(1, 2)), axis=-1))
+        return magnitude(np.linalg.norm(rotation_vector(first @ second.swapaxes(1, 2)), axis=-1))
 
     @cached_property
     def drift(self) -> Array:
@@ -211,11 +211,11 @@ class Linkage:
 
     def close(self, x: Array, free: BoolArray) -> float:
         """Close joints by Newton's steps of least size, in place (n,); return the largest gap left."""
-        left = largest(self.gaps(x[None]))
-        while left >= 1e-14 * max(1.0, largest(x / self.units)) and free.any():
+        left = magnitude(self.gaps(x[None]))
+        while left >= 1e-14 * max(1.0, magnitude(x / self.units)) and free.any():
             trial, J = x.copy(), self.slopes(x[None], free)[0]
             trial[free] -= self.units[free] * smallest_step(J, self.gaps(x[None])[0])
-            reached = largest(self.gaps(trial[None]))
+            reached = magnitude(self.gaps(trial[None]))
             if not reached < 0.5 * left:
                 break
             x[:], left = trial, reached
@@ -246,7 +246,7 @@ class Linkage:
             better = np.sum(reached**2, axis=1) < np.sum(gaps**2, axis=1)
             x[better], gaps[better] = trial[better], reached[better]
             damping = np.clip(np.where(better[:, None, None], damping / 8.0, damping * 4.0), 1e-12, 1e6)
-            if largest(gaps) < CLOSED or largest(step) < 1e-10:
+            if magnitude(gaps) < CLOSED or magnitude(step) < 1e-10:
                 break
         return x
 
@@ -295,11 +295,6 @@ class Linkage:
     def nearest(self, x: Array, weights: Array | float = 1.0) -> Array:
         """Return of places (n_batch, n) those, (n,), with the smallest sum of weighted squares of gaps."""
         return np.asarray(x[int(np.argmin(np.sum((weights * self.gaps(x)) ** 2, axis=1)))])
-
-
-def largest(values: Array) -> float:
-    """Return the largest size of any of some numbers; 0 without any."""
-    return float(np.abs(values).max(initial=0.0))
 
 
 def _evenly(count: int, n: int) -> Array:

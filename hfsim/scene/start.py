@@ -14,14 +14,14 @@ from functools import partial
 import numpy as np
 
 from hfsim.errors import DeckError
-from hfsim.maths.arrays import Array, BoolArray, IntArray
+from hfsim.maths.arrays import Array, BoolArray, IntArray, magnitude
 from hfsim.maths.matrices import smallest_step
 from hfsim.maths.rotations import freedoms, rotation, rotation_vector, wrap
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Twist
 from hfsim.scene.assembly import Assembly, Branches, Change, Turn
-from hfsim.scene.closing import CLOSED, Linkage, largest
+from hfsim.scene.closing import CLOSED, Linkage
 from hfsim.scene.contradicted import cannot_close, contradicted, misfaced
 from hfsim.scene.stated import AT_START, Start, Stated
 
@@ -137,7 +137,7 @@ def _refuse_twists(start: Start, place: Stated) -> None:
     """Refuse angles that a joint fixes outright and that miss it by far: no loop makes such guesses."""
     unknown = place.open & start.linkage.turns
     for tie in start.ties:
-        off = largest(tie.residual(AT_START, place.values[None]))
+        off = magnitude(tie.residual(AT_START, place.values[None]))
         if off > ROUGH_TURN and not any(unknown[marker.columns].any() for marker in tie.ends):
             raise contradicted(start, place, tie, off)
     _refuse_faces(start, place.values, lambda ends: not any(unknown[m.columns].any() for m in ends))
@@ -268,7 +268,7 @@ def _guesses(start: Start, place: Stated, starts: Array) -> list[Array]:
         raise cannot_close(start, place, opened, size)
     near = min(
         (_near(link, one, x) for one in found),
-        key=lambda one: largest(((one - x) / link.units)[place.stated]),
+        key=lambda one: magnitude(((one - x) / link.units)[place.stated]),
     )
     allowed = _changes(start, place, near)
     if any(change.rough > 1.0 for change in allowed):
@@ -289,16 +289,16 @@ def _near(link: Linkage, x: Array, begin: Array) -> Array:
 def _settle_rates(start: Start, J: Array, rates: Stated) -> None:
     """Change what is not stated until the joints hold, then guesses, as `_settle`."""
     link, values = start.linkage, rates.values
-    none = CLOSED * max(1.0, largest(values / link.units))
+    none = CLOSED * max(1.0, magnitude(values / link.units))
     gap = J @ values + link.drift
     for free in (~rates.stated & ~link.turns, ~rates.stated, ~rates.exact):
         before = gap
         values[free] -= _least_turning(link, J, free, gap)[free]
         gap = J @ values + link.drift
-        if largest(gap / link.scales) < none:
+        if magnitude(gap / link.scales) < none:
             break
     allowed = _changes(start, rates, values)
-    if largest(gap / link.scales) >= none or any(change.rough > 1.0 for change in allowed):
+    if magnitude(gap / link.scales) >= none or any(change.rough > 1.0 for change in allowed):
         raise contradicted(start, rates, *link.largest_of(before / link.scales), allowed)
 
 
@@ -336,6 +336,6 @@ def _guess(start: Start, quantity: str, values: Array) -> float:
         return ROUGH_ANGLE
     if quantity == "position":
         return ROUGH_PLACE * link.size
-    of_spins, of_speeds = largest(values[link.turns]), largest(values[~link.turns])
+    of_spins, of_speeds = magnitude(values[link.turns]), magnitude(values[~link.turns])
     # where nothing else moves, no stated rate is a guess
     return ROUGH_RATE * max(of_spins if quantity == "angular_velocity" else of_speeds, 1e-300)

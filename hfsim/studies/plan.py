@@ -11,10 +11,11 @@ import numpy as np
 
 from hfsim.integrators import choose
 from hfsim.marching.alike import alike
-from hfsim.marching.distance import gap, magnitude, unit_sizes
+from hfsim.marching.distance import gap, unit_sizes
 from hfsim.marching.integration import problem_of
 from hfsim.marching.plan import keeping, plan_of
 from hfsim.marching.solution import Run
+from hfsim.maths.arrays import magnitude
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.simulate import simulate
