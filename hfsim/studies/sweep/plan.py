@@ -60,6 +60,8 @@ class Plan:
         JSON-ready: what was asked for; plans with equal facts are equal.
     values : tuple of Values
         Of each path; of a table those that occur.
+    row : callable
+        Returns the values of a run; runs count from 0.
     """
 
     paths: tuple[str, ...]
@@ -67,11 +69,7 @@ class Plan:
     kind: str
     facts: dict[str, Any]
     values: tuple[Values, ...]
-    _row: Callable[[int], tuple[Value, ...]] = field(repr=False)
-
-    def row(self, number: int) -> tuple[Value, ...]:
-        """Return the values of a run; runs count from 0."""
-        return self._row(number)
+    row: Callable[[int], tuple[Value, ...]] = field(repr=False)
 
     def told(self, number: int) -> tuple[Value, ...]:
         """Return the values of a run as tables have them; see `Values.in_si`."""
