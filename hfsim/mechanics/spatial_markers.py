@@ -133,6 +133,9 @@ class FrameMarker(Marker):
     n_axes: int = 3  # type: ignore[misc]
     n_dim: ClassVar[int] = 3
     n_spin: ClassVar[int] = 3
+    linear: ClassVar[bool] = False
+    linear_turn: ClassVar[bool] = False
+    """Rotation vectors are not."""
 
     def _turn(self, x: Array) -> Array:
         return np.asarray(x[:, self.columns][:, 3:])

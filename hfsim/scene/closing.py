@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 from functools import cached_property
-from itertools import count, groupby, pairwise, repeat
+from itertools import count, groupby, repeat
 from typing import TypeAlias
 
 import numpy as np
@@ -19,6 +19,7 @@ from hfsim.maths.matrices import smallest_step
 from hfsim.maths.rotations import freedoms, rotation, rotation_rates, rotation_vector, wrap
 from hfsim.mechanics.body import Body, Place
 from hfsim.mechanics.constraints import Constraint
+from hfsim.mechanics.joint_rows import JointRows
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.planar_markers import RigidMarker
 from hfsim.mechanics.pose import Pose
@@ -111,10 +112,9 @@ class Linkage:
         return np.arange(body * freedoms(self.n_dim), (body + 1) * freedoms(self.n_dim))
 
     @cached_property
-    def rows(self) -> tuple[slice, ...]:
-        """Rows of each constraint in the gaps."""
-        ends = np.cumsum([0] + [c.rows for c in self.constraints])
-        return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
+    def equations(self) -> JointRows:
+        """What the joints hold: the gaps, one below the other, not in units."""
+        return JointRows(self.constraints, self.n, sparse=False)
 
     @cached_property
     def turns(self) -> BoolArray:
@@ -148,25 +148,16 @@ class Linkage:
 
     def gaps(self, x: Array) -> Array:
         """Return what joints miss at the start in places (n_batch, n), in units, shape (n_batch, n_rows)."""
-        t = np.zeros(len(x))
-        gaps = [np.zeros((len(x), 0)), *(c.residual(t, x) for c in self.constraints)]
-        return np.asarray(np.concatenate(gaps, axis=1) / self.scales)
+        return np.asarray(self.equations.residual(np.zeros(len(x)), x) / self.scales)
 
     def slopes(self, x: Array, free: BoolArray | IntArray) -> Array:
-        """Return the derivative of the gaps by some coordinates, all in units, (n_batch, n_rows, n_free)."""
-        return np.asarray(self.jacobian(x)[:, :, free] * self.units[free] / self.scales[:, None])
-
-    def jacobian(self, x: Array) -> Array:
-        """Return the derivative of what the joints miss, shape (n_batch, n_rows, n); not in units."""
-        J = np.zeros((len(x), len(self.drift), self.n))
-        for c, rows in zip(self.constraints, self.rows, strict=True):
-            for marker, block in zip(c.ends, c.jacobians(x), strict=True):
-                J[:, rows, marker.columns] += block
-        return J
+        """Return the derivative of the gaps by some coordinates, in units, (n_batch or 1, n_rows, n_free)."""
+        J = self.equations.jacobians(x)[:, :, free]
+        return np.asarray(J * self.units[free] / self.scales[:, None])
 
     def slopes_by_rates(self, x: Array) -> Array:
         """Return the derivative of the gaps' rates by velocities and spins at places (n,), (n_rows, n)."""
-        J = self.jacobian(x[None])[0]
+        J = self.equations.jacobians(x[None])[0]
         if self.centres is not None:
             for k, turn in enumerate(x.reshape(-1, 6)[:, 3:]):
                 spins = slice(6 * k + 3, 6 * k + 6)
@@ -191,7 +182,7 @@ class Linkage:
     @cached_property
     def drift(self) -> Array:
         """How fast what the joints miss grows at the start if nothing moves: drivers; shape (n_rows,)."""
-        return np.concatenate([np.zeros(0), *(c.rate(np.zeros(1))[0] for c in self.constraints)])
+        return np.asarray(self.equations.rate(np.zeros(1))[0])
 
     def worst(self, x: Array) -> tuple[Constraint, float]:
         """Return the constraint with the largest gap at places (n,), and its size [m or rad]."""
@@ -202,7 +193,7 @@ class Linkage:
 
         A distance is named before an angle, but for one that closing leaves by rounding.
         """
-        sizes = np.array([np.linalg.norm(gaps[rows]) for rows in self.rows])
+        sizes = np.array([np.linalg.norm(gaps[rows]) for rows in self.equations.rows])
         apart = sizes > max(CLOSED, BESIDE * sizes.max())
         apart &= np.array([c.unit == "m" for c in self.constraints])
         ranked = np.where(apart, sizes, 0.0) if apart.any() else sizes
@@ -282,8 +273,8 @@ class Linkage:
         """Return the joint that stays open where all others close, from places (n_batch, n) on; its gap."""
         x = self.descend(x, free)
         opened, _ = self.worst(self.nearest(x))
-        own = self.rows[self.constraints.index(opened)]
-        weights = np.ones(len(self.drift))
+        own = self.equations.rows[self.constraints.index(opened)]
+        weights = np.ones(self.equations.n_rows)
         for weights[own] in CUT:
             x = self.descend(x, free, weights)
         return self.worst(self.nearest(x, np.where(weights < 1.0, 1.0, 1.0 / CUT[-1])))

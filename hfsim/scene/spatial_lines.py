@@ -102,7 +102,7 @@ def untwisted(assembly: Assembly, held: Linkage, lines: Collection[str]) -> Iter
     every = whole.slopes_by_rates(assembly.place) * whole.units / whole.scales[:, None]
     rows = [
         (c.item, k, [whole.owner(end) for end in c.ends])
-        for c, own in zip(whole.constraints, whole.rows, strict=True)
+        for c, own in zip(whole.constraints, whole.equations.rows, strict=True)
         for k in range(own.start, own.stop)
     ]
     for line, roll in zip(lines, rolls, strict=True):

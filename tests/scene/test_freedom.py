@@ -36,7 +36,7 @@ def rigid_freedoms(built):
     import numpy as np
 
     link = built.assembly.linkage
-    return link.n - np.linalg.matrix_rank(link.jacobian(built.assembly.place[None])[0], 1e-9)
+    return link.n - np.linalg.matrix_rank(link.equations.jacobians(built.assembly.place[None])[0], 1e-9)
 
 
 @pytest.mark.parametrize("path", DECKS, ids=lambda path: path.stem)
