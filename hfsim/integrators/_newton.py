@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hfsim.integrators._base import Stepper
 from hfsim.integrators._derivative import ByStep, Derivative
 from hfsim.integrators._lengths import REGROWTH, SHRUNK
 from hfsim.integrators._problem import PlainIncrements, Problem
@@ -205,6 +206,21 @@ class Newton:
                 return True
             last = change
         return False
+
+
+class NewtonStepper(Stepper):
+    """A method whose steps are solved by such iterations."""
+
+    _newton: Newton
+
+    def memory(self) -> dict[str, Any]:
+        """Return what it remembers itself, and where the derivative was taken."""
+        return super().memory() | self._newton.memory()
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Go on with that and this derivative."""
+        super().recall(memory)
+        self._newton.recall(memory)
 
 
 def _added(a: Array, weights: Array, change: Array) -> _Corrected:

@@ -25,7 +25,7 @@ from hfsim.integrators._base import (
     cautious_step,
     unsolved,
 )
-from hfsim.integrators._newton import Implicit, Newton
+from hfsim.integrators._newton import Implicit, Newton, NewtonStepper
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._tableau import gauss
 from hfsim.integrators._trajectory import two_point_series
@@ -90,7 +90,7 @@ class Gear:
         return GearStepper(self, problem, h, 1, differences, a)
 
 
-class GearStepper(Stepper):
+class GearStepper(NewtonStepper):
     """Backward differentiation at work.
 
     Parameters
@@ -168,15 +168,6 @@ class GearStepper(Stepper):
         self._same += 1
         if self._next_order != k:
             self._k, self._same = self._next_order, 0
-
-    def memory(self) -> dict[str, Any]:
-        """Return the differences and what belongs to them, and where the derivative was taken."""
-        return super().memory() | self._newton.memory()
-
-    def recall(self, memory: Mapping[str, Any]) -> None:
-        """Go on with these differences and this derivative."""
-        super().recall(memory)
-        self._newton.recall(memory)
 
     def _rescale(self, h: float) -> None:
         self._D = self._D.copy()

@@ -5,9 +5,8 @@ Second order, with numerical damping of high frequencies set by the spectral rad
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,13 +16,12 @@ from hfsim.integrators._base import (
     Integrator,
     Options,
     Stability,
-    Stepper,
     aimed,
     cautious_step,
     relative,
     unsolved,
 )
-from hfsim.integrators._newton import Implicit, Newton
+from hfsim.integrators._newton import Implicit, Newton, NewtonStepper
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._trajectory import two_point_series
 from hfsim.maths.arrays import Array
@@ -62,7 +60,7 @@ class _End(NamedTuple):
     smooth: Array
 
 
-class GeneralizedAlphaStepper(Stepper):
+class GeneralizedAlphaStepper(NewtonStepper):
     """Generalised-alpha at work.
 
     Attributes
@@ -116,15 +114,6 @@ class GeneralizedAlphaStepper(Stepper):
     def accept(self, t: float, q: Array, v: Array) -> None:
         """Take over the accelerations of the step."""
         self.a, self.smooth, self._slope = self._end.a, self._end.smooth, self._now
-
-    def memory(self) -> dict[str, Any]:
-        """Return the accelerations, and where the derivative was taken."""
-        return super().memory() | self._newton.memory()
-
-    def recall(self, memory: Mapping[str, Any]) -> None:
-        """Go on with these accelerations and this derivative."""
-        super().recall(memory)
-        self._newton.recall(memory)
 
     def _equations(self, t: float, q: Array, v: Array, h: float) -> tuple[Implicit, float, Array]:
         """Return the equations of the accelerations at an end, and how the method's own depend on them."""
