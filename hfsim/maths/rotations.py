@@ -8,10 +8,13 @@ a rotation vector; so have spins and moments.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
+
+_Vectors = TypeVar("_Vectors", Array, ComplexArray)
 
 FIRST = np.eye(3)[0]
 """The first axis in space."""
@@ -114,6 +117,11 @@ def freedoms(n_dim: int) -> int:
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 _SKEW = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0.0]])
 """What the three components of a vector are in its matrix, row after row."""
+
+
+def dot(a: _Vectors, b: _Vectors) -> _Vectors:
+    """Return the products of vectors, (..., 1)."""
+    return np.asarray(np.sum(a * b, axis=-1, keepdims=True))
 
 
 def cross(a: Array, b: Array) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
-from hfsim.maths.rotations import across, cross, lever, smallest_rotation
+from hfsim.maths.rotations import across, cross, dot, lever, smallest_rotation
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.products import Product
@@ -249,8 +249,7 @@ class Perpendicular(OfAxes):
 
     def gap(self, x: Array) -> Array:
         """Return the product of both axes."""
-        a, b = self._both(x)
-        return np.asarray(np.sum(a * b, axis=-1, keepdims=True))
+        return dot(*self._both(x))
 
     def jacobian(self, end: int, x: Array) -> Array:
         """Return the other axis times the derivative of one."""

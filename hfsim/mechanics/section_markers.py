@@ -9,7 +9,7 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
-from hfsim.maths.rotations import cross, skew
+from hfsim.maths.rotations import cross, dot, skew
 from hfsim.mechanics.markers import ROUNDING
 from hfsim.mechanics.products import LinearVector
 from hfsim.mechanics.spatial_markers import VectorMarker
@@ -94,9 +94,6 @@ class SectionMarker(VectorMarker):
         d, rate = self._triad(x), self._combined(u, self.axis_rows)
         first = cross(rate[:, 0], d[:, 2]) + cross(d[:, 1], rate[:, 1])
 
-        def product(a: Array, b: Array) -> Array:
-            return np.asarray(np.sum(a * b, axis=-1, keepdims=True))
-
         y, z = rate[:, 0], rate[:, 1]
-        changed = y * product(d[:, 0], z) - z * product(d[:, 0], y)
-        return 0.5 * (changed + d[:, 1] * product(first, z) - d[:, 2] * product(first, y))
+        changed = y * dot(d[:, 0], z) - z * dot(d[:, 0], y)
+        return 0.5 * (changed + d[:, 1] * dot(first, z) - d[:, 2] * dot(first, y))

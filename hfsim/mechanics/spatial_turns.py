@@ -17,7 +17,7 @@ import numpy as np
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
-from hfsim.maths.rotations import across, cross, smallest_rotation, wrap
+from hfsim.maths.rotations import across, cross, dot, smallest_rotation, wrap
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.directions import TANGENT, THIRD, Direction, OfAxes, direction, unit
 from hfsim.mechanics.markers import Marker
@@ -171,7 +171,7 @@ class TurnAbout(OfAxes):
     def _over(self, x: Array) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
         """Return n and o, shape (n_batch, 3), and 1 / z (n_batch, 1), kept finite."""
         n, o = self._both(x)
-        z = _dot(n, o)
+        z = dot(n, o)
         return n, o, np.asarray(np.conj(z) / np.maximum(z.real**2 + z.imag**2, LOST**2))
 
     def _slope(self, end: int, x: Array) -> ComplexArray:
@@ -180,7 +180,7 @@ class TurnAbout(OfAxes):
 
     def gap(self, x: Array) -> Array:
         """Return the angle [rad], within half a turn."""
-        return np.angle(_dot(*self._both(x)))
+        return np.angle(dot(*self._both(x)))
 
     def residual(self, t: Array, x: Array) -> Array:
         """Return the angle error [rad], within half a turn."""
@@ -196,7 +196,7 @@ class TurnAbout(OfAxes):
         n, o, over = self._over(x)
         n1, o1 = ((self._slope(end, x) @ u[:, m.columns, None])[..., 0] for end, m in enumerate(self.ends))
         n2, o2 = (self._sum(end, lambda marker, own: marker.axis_bias(x, u, own)) for end in (0, 1))
-        once, twice = _dot(n1, o) + _dot(n, o1), _dot(n2, o) + 2.0 * _dot(n1, o1) + _dot(n, o2)
+        once, twice = dot(n1, o) + dot(n, o1), dot(n2, o) + 2.0 * dot(n1, o1) + dot(n, o2)
         return np.imag(twice * over - (once * over) ** 2)
 
     def stiffness(self, x: Array, multipliers: Array) -> Entries:
@@ -223,7 +223,3 @@ class TurnAbout(OfAxes):
         """Return minus the multiplier times what the angle changes by with small turns of B."""
         n, o, over = self._over(x)
         return np.zeros((len(x), 3)), -multipliers * np.imag(np.cross(o, n) * over)
-
-
-def _dot(a: ComplexArray, b: ComplexArray) -> ComplexArray:
-    return np.asarray(np.sum(a * b, axis=-1, keepdims=True))

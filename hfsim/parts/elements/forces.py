@@ -12,6 +12,7 @@ import numpy as np
 from hfsim.maths.arrays import Array, slices
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
+from hfsim.maths.rotations import dot
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.connectivity import Connectivity
 from hfsim.mechanics.force import DIFFERENCE, ForcePart
@@ -256,20 +257,20 @@ class KelvinVoigtForce(MaterialDamping):
     def _rates(self, V: Array, dV: Array) -> _Rates:
         s, c = self.slope @ V, self.bend @ V
         ds, dc = self.slope @ dV, self.bend @ dV
-        square, strain = _dot(s, s), _dot(s, ds)
-        share = _dot(s, c) / square
+        square, strain = dot(s, s), dot(s, ds)
+        share = dot(s, c) / square
         size = np.sqrt(square)
         curvature = (c - share * s) / size
         rate = dc - share * ds
-        rate = (rate - _dot(s, rate) / square * s) / size - strain / square * curvature
+        rate = (rate - dot(s, rate) / square * s) / size - strain / square * curvature
         return _Rates(s, share, size, curvature, strain, self._kept(curvature, rate))
 
     def _kept(self, curvature: Array, rate: Array) -> Array:
         """Return of vectors across the axis what is along the curvature; in the plane that is all of them."""
         if curvature.shape[-1] == 2:
             return rate
-        along = ROLL**2 * rate + _dot(curvature, rate) * curvature
-        return np.asarray(along / (ROLL**2 + _dot(curvature, curvature)))
+        along = ROLL**2 * rate + dot(curvature, rate) * curvature
+        return np.asarray(along / (ROLL**2 + dot(curvature, curvature)))
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add the damping force."""
@@ -279,7 +280,7 @@ class KelvinVoigtForce(MaterialDamping):
         """Return the work of the damping by the vectors [J], same shape, at vectors and their rates."""
         at = self._rates(V, dV)
         moment = self._kept(at.curvature, self.bending[..., None] * at.rate) / at.size
-        tension = self.axial[..., None] * at.strain - _dot(at.curvature, moment) / at.size
+        tension = self.axial[..., None] * at.strain - dot(at.curvature, moment) / at.size
         return np.asarray(self.slope.T @ (tension * at.s - at.share * moment) + self.bend.T @ moment)
 
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
@@ -315,7 +316,7 @@ class KelvinVoigtForce(MaterialDamping):
     def power(self, t: Array, x: Array, u: Array) -> Array:
         """Return minus the dissipated power."""
         at = self._rates(self.elements.vectors(x), self.elements.vectors(u))
-        lost = self.axial * at.strain[..., 0] ** 2 + self.bending * _dot(at.rate, at.rate)[..., 0]
+        lost = self.axial * at.strain[..., 0] ** 2 + self.bending * dot(at.rate, at.rate)[..., 0]
         return np.asarray(-lost.sum(axis=(-1, -2)))
 
 
@@ -328,7 +329,3 @@ class _Rates(NamedTuple):
     curvature: Array
     strain: Array
     rate: Array
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return np.asarray(np.sum(a * b, axis=-1, keepdims=True))
