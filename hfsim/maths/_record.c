@@ -1,4 +1,4 @@
-/* Writes down operations (hfsim/maths/tape.py): a tape holds memory, and what is done on it, which is done at once.
+/* Writes down operations (hfsim/maths/tape.py): a tape holds memory, and what is to be done on it.
  *
  * Memory comes from large blocks, so that an address tells whose it is.  What is no longer referred to is used anew
  * within the same program: it is written again there before it is read.

@@ -261,12 +261,12 @@ REPLACED: dict[str, Callable[..., Any]] = {
     "asarray": _asarray,
     "array": _array,
     "ascontiguousarray": _contiguous,
-    **{name: _made(name) for name in (*MADE, *(f"{name}_like" for name in MADE[:4]), "eye", "repeat")},
+    **{name: _made(name) for name in (*MADE, *(f"{name}_like" for name in MADE), "eye", "repeat")},
 }
 """Functions of NumPy that its protocols do not reach: they stand in for them while something is recorded."""
 NUMPY = vars(np)
 """Where these functions stand."""
-ORIGINAL = {name: getattr(np, name) for name in (*REPLACED, "bincount")}
+ORIGINAL = {name: getattr(np, name) for name in REPLACED}
 
 
 class _Turn:
