@@ -215,10 +215,6 @@ class StrainedLinearForce(ForcePart):
         kept = sizes > NO_STRAIN * sizes[-1]
         return cls(force, sizes[kept], modes.T[kept], force.stiffness - stiffness, item=force.item)
 
-    def in_strains(self) -> StrainedLinearForce:
-        """Return itself."""
-        return self
-
     @property
     def uses_rates(self) -> bool:
         """Whether there is damping."""
