@@ -23,8 +23,9 @@ BENDING = (600.0, 300)
 """The same where bodies bend, and explicit steps are rough."""
 LOOK = 16
 """Steps after which that is looked at."""
-IN_A_ROW = 3
-"""Attempts that fail one after another from which it is not either."""
+IN_A_ROW = {False: 3, True: 2}
+"""Attempts that fail one after another from which it is not either, by whether there are loops: close to
+where these lose their rank explicit steps get ever shorter, and nothing gets across any more."""
 SHARPER = 1e-3
 """Tolerance of explicit steps, over that of collocation, which errors then keep."""
 FINEST, FINEST_OF_LOOPS = 1e-8, 1e-6
@@ -100,7 +101,7 @@ class AutomaticStepper(Stepper):
         try:
             attempt = self._now.attempt(t, q, v, h)
             self._failed += attempt.error > 1.0
-            if attempt.solved and self._failed < IN_A_ROW:
+            if attempt.solved and self._failed < IN_A_ROW[self._problem.loops]:
                 return attempt
         except np.linalg.LinAlgError:
             pass
@@ -117,6 +118,8 @@ class AutomaticStepper(Stepper):
             last, n = ahead.rows[-1], len(q)
             self._made += len(ahead.rows) - 1
             self._count(ahead.t, last[3 : n + 3], last[n + 3 : 2 * n + 3])
+        if ahead is not None:
+            self._failed = int(ahead.state.rejected)
         return ahead
 
     def accept(self, t: float, q: Array, v: Array) -> None:
