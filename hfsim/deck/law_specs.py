@@ -147,9 +147,9 @@ class TableSpec(LawSpec):
         """Yield a table that does not cover the run."""
         first, last = self.times[0], self.times[-1]
         if around.duration is not None and (first > 0 or last < around.duration - self.begin):
-            run = f"the run goes from 0 to {around.duration:g} s"
-            run += f", the law begins at {self.begin:g} s" if self.begin else ""
-            yield Complaint(("times",), f"covers {first:g} s to {last:g} s, {run}")
+            after = f" after its start at {self.begin:g} s" if self.begin else ""
+            needed = f"is needed from 0 to {around.duration:g} s"
+            yield Complaint(("times",), f"covers {first:g} s to {last:g} s{after}, and {needed}")
 
     def slips_in(self, around: Around) -> Iterator[Complaint]:
         """Yield points so unevenly apart that the spline swings far beyond them."""

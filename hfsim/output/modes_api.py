@@ -46,7 +46,7 @@ def modes(
     Raises
     ------
     DeckError, DeckNotFoundError
-        If the deck is bad.
+        If the deck is bad, or a law of it has no value somewhere until the time.
     ArgumentError
         If there is no such state, there are two, or no mode is wanted.
     HfsimError

@@ -55,7 +55,7 @@ def static(
     Raises
     ------
     DeckError, DeckNotFoundError
-        If the deck is bad.
+        If the deck is bad, or a law of it has no value somewhere until the time.
     ArgumentError
         If there is no such time, number of factors or format of pictures.
     UnfinishedRunError

@@ -63,6 +63,13 @@ def slips_of(data: dict[str, Any], entries: dict[str, Any]) -> Iterator[Complain
             yield slip
 
 
+def laws_until(entries: dict[str, Any], t: float) -> Iterator[Complaint]:
+    """Yield the laws of time in a deck that can be run that have no value somewhere until a time [s]."""
+    around = _around(entries, len(entries["gravity"]))._replace(duration=t)
+    for path, entry in specs_in({**entries, "output": None}):  # nothing is written until then
+        yield from (one.inside(*path) for one in entry.complaints_in(around))
+
+
 def _gravity_slips(gravity: tuple[float, ...]) -> Iterator[Complaint]:
     up, path = gravity[-1], ("gravity", len(gravity) - 1)
     if 9.0 < up < 11.0:

@@ -22,7 +22,7 @@ from hfsim.deck.spec import Complaint, explained
 from hfsim.errors import MOST_PROBLEMS, DeckError
 from hfsim.maths.frozen import frozen
 from hfsim.parts.bodies.beam import DEFAULT_ELEMENTS, BeamSpec
-from hfsim.scene.checks import complaints_of, slips_of
+from hfsim.scene.checks import complaints_of, laws_until, slips_of
 from hfsim.scene.schema import Deck
 
 if typing.TYPE_CHECKING:
@@ -111,6 +111,22 @@ class LoadedDeck:
         solve = self.deck.solve.model_copy(update=update)
         return replace(self, deck=self.deck.model_copy(update={"solve": solve}))
 
+    def until(self, t: float) -> "LoadedDeck":
+        """Return the same deck solved until a time [s].
+
+        Raises
+        ------
+        DeckError
+            If laws of time have no value somewhere until then.
+        """
+        if found := [self.source.problem(*one) for one in laws_until(self._entries, t)]:
+            raise self.source.error(found)
+        return self.with_solve({"duration": t})
+
+    @property
+    def _entries(self) -> dict[str, Any]:
+        return {key: getattr(self.deck, key) for key in Deck.model_fields}
+
     def line_of(self, path: str) -> int:
         """Return the line of an entry such as ``bodies.b1``, or of the entry around it.
 
@@ -122,8 +138,7 @@ class LoadedDeck:
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What looks like slips of units, a line each with its place."""
-        entries = {key: getattr(self.deck, key) for key in Deck.model_fields}
-        slips = (self.source.problem(*slip) for slip in slips_of(self.source.data, entries))
+        slips = (self.source.problem(*slip) for slip in slips_of(self.source.data, self._entries))
         return tuple(slip.headline(self.source.file, "warning") for slip in slips)
 
     def problem(self, path: str, message: str, hint: str = "") -> DeckError:

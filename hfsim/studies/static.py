@@ -106,7 +106,7 @@ def run_static(loaded: LoadedDeck, wish: Wish | float = 0.0) -> Run:
     ArgumentError
         If the time or the number of factors is below zero, or loads are varied for nothing.
     DeckError
-        If the scene cannot be assembled.
+        If the scene cannot be assembled, or a law has no value somewhere until the time.
     UnknownLoadError
         If there is no such load.
     """
@@ -119,7 +119,7 @@ def run_static(loaded: LoadedDeck, wish: Wish | float = 0.0) -> Run:
         raise ArgumentError("vary goes with path and buckling only: else all loads are put on")
     clock = PhaseClock()
     with clock.phase("build"):
-        scene = build(loaded)
+        scene = build(loaded.until(wish.t) if wish.t else loaded)
         for name in wish.varied or ():
             if name not in loads_of(scene):
                 raise UnknownLoadError(name, loads_of(scene))

@@ -98,3 +98,41 @@ def test_from_python_it_is_a_run(here):
     assert told.value.run.status == "failed"
     kept = hfsim.static("pendulum", output=here / "out", plots=False)
     assert (here / "out" / "summary.json").exists() and kept.exit_code == 0
+
+
+PUSHED = """
+hfsim: 1
+gravity: [0.0, -9.81]
+bodies: {b: {type: rigid, mass: 2.0, inertia: 0.3, points: {p: [-0.4, 0.0]}}}
+joints:
+  h: {type: revolute, between: [ground, b.p]}
+  d: {type: driver, between: [ground, b.p], angle: DRIVEN}
+loads: {f: {type: force, at: b, force: [0.0, 1.0], law: LAW}}
+solve: {duration: 1.0}
+output: {channels: [b.angle]}
+"""
+ENDING = {
+    "{times: [0, 0.3, 0.6, 1], values: [0, 1, 0.5, 2]}": "covers 0 s to 1 s, and is needed from 0 to 2 s",
+    "{expression: 1 - sqrt(1.01 - t)}": "it is not finite at t = 1.01 s",
+}
+
+
+@pytest.mark.parametrize("study", [hfsim.static, hfsim.modes])
+@pytest.mark.parametrize("law", ENDING)
+@pytest.mark.parametrize("place", ["joints.d.angle", "loads.f.law"])
+def test_a_time_at_which_a_law_has_no_value_is_refused(tmp_path, study, law, place):
+    laws = {"joints.d.angle": "0.0", "loads.f.law": "1.0"} | {place: law}
+    deck = tmp_path / "pushed.yaml"
+    deck.write_text(PUSHED.replace("DRIVEN", laws["joints.d.angle"]).replace("LAW", laws["loads.f.law"]))
+    with pytest.raises(hfsim.DeckError) as told:
+        study(deck, at=2.0)
+    (problem,) = told.value.problems
+    assert problem.path.startswith(place) and problem.message == ENDING[law] and problem.line
+    study(deck, at=0.9)
+
+
+def test_a_time_after_the_run_is_none_after_the_laws(tmp_path):
+    deck = tmp_path / "pushed.yaml"
+    longer = "{times: [0, 3], values: [0, 1]}"
+    deck.write_text(PUSHED.replace("DRIVEN", "{expression: t}").replace("LAW", longer))
+    assert hfsim.static(deck, at=1.5).final["b.angle"] == pytest.approx(1.5)

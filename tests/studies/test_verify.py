@@ -152,6 +152,14 @@ def test_what_a_row_sets_must_make_a_deck():
         rows_of(MASS.replace("parameters.m: 0.5", "bodies.mass.mass: -1"))
 
 
+def test_a_time_at_rest_must_have_loads():
+    pushed = MASS.replace("initial:", "loads: {f: {type: force, at: mass, force: [1, 0], law: {times: [0, 3],"
+                          " values: [0, 1]}}}\ninitial:")  # fmt: skip
+    late = pushed.replace("grade: A\n", "grade: A\n  study: static\n").replace("at(0.8", "at(4")
+    with pytest.raises(DeckError, match=r"rows\.0\.quantity: loads\.f.*covers 0 s to 3 s, and .* to 4 s"):
+        rows_of(late)
+
+
 # --- the command, and from Python ----------------------------------------------------------------
 
 

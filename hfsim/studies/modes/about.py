@@ -217,13 +217,15 @@ def about(
     ------
     ArgumentError
         If there is no such state, or there are two.
+    DeckError
+        If the scene cannot be assembled, or a law has no value somewhere until the time.
     ModesError
         If the run does not come so far, with its exit code, or the equations are singular in the state.
     KeyboardInterrupt
         If a signal ends the run.
     """
     _checked(state, at)
-    scene = build(loaded.with_solve({"duration": at}) if at else loaded)
+    scene = build(loaded.until(at) if at else loaded)
     if at is not None:
         q, v = _after(scene, at, progress)
         return linearised(scene, q, v, "time", at)

@@ -62,7 +62,7 @@ class Entry:
         Raises
         ------
         DeckError
-            If what a row sets makes no deck.
+            If what a row sets makes no deck, or a law has no value until its time at rest.
         """
         groups: dict[tuple[object, ...], list[int]] = {}
         for number, (spec, row) in enumerate(zip(self.published.rows, self.rows, strict=True)):
@@ -78,7 +78,9 @@ class Entry:
         study, place = self.rows[numbers[0]].study, self.published.place_of(specs[0])
         order = Order(study, place, source.text, source.file, overrides, quantities, bounds)
         try:
-            order.load()
+            loaded = order.load()
+            if study == "static" and isinstance(place, float) and place:
+                loaded.until(place)
         except DeckError as error:
             wrong = error.problems[0]
             what = f"{wrong.path}: {wrong.message}" if wrong.path else wrong.message
