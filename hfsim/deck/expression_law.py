@@ -14,7 +14,7 @@ import numpy as np
 from hfsim.deck.expressions import Node, evaluated, names_in
 from hfsim.deck.functions_of_time import JUMPS, KINKED, OF_TIME, RULES, Rule, exponential, logarithm, power_of
 from hfsim.deck.laws import Law
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, BoolArray
 
 TIME = "t"
 """The name of time in an expression."""
@@ -29,6 +29,10 @@ _QUIET = 1e-6
 _PULSE = 1 / 16
 """Part of a run within which a law that is quiet before and behind has a pulse: longer ones are seen."""
 _BISECTIONS = 60
+_ZOOM, _ZOOMS = 16, 20
+"""Parts of its distance to which a smallest value is found each time, and how often: down to rounding."""
+_UNEVEN = 4.0
+"""Sizes next to a smallest one, over it, from which that is zero but for rounding."""
 _BESIDE = 1e-6
 """Part of a run beside a switch where rates are compared."""
 
@@ -36,6 +40,8 @@ Jet: TypeAlias = "list[Any] | float"
 """Value and derivatives by time up to some order, arrays or numbers; a number where it is constant."""
 _Function: TypeAlias = "Callable[[list[Any]], Jet]"
 _Operation: TypeAlias = "Callable[[Jet, Jet], Jet]"
+_Taken: TypeAlias = "tuple[tuple[Node, Node], ...]"
+"""Calls of min and max, each with that of its arguments which is meant."""
 
 
 # Jets ------------------------------------------------------------------------------------------------
@@ -258,8 +264,9 @@ class ExpressionLaw(Law):
         """Return when, until the end, it or one of its derivatives is not finite, and what that is."""
         t = np.linspace(0.0, t_end, SAMPLES + 1)
         with np.errstate(all="ignore"):
-            poles = [_zeros(one, t) for one in _divisors(self.tree)]
-            for found in poles:
+            for divisor, taken in _divisors(self.tree):
+                touched = _touched(divisor, t)
+                found = np.concatenate([_changes(divisor, t), touched[_kept(taken, touched)]])
                 if len(found):
                     return float(found.min()), "it divides by zero"
             for order in orders:
@@ -318,15 +325,36 @@ def _switches(node: Node) -> Iterator[Callable[[Array], Array]]:
         yield from _switches(one)
 
 
-def _divisors(node: Node) -> Iterator[Callable[[Array], Array]]:
-    """Yield the functions of time at whose zeros an expression has a pole."""
+def _divisors(node: Node, taken: _Taken = ()) -> Iterator[tuple[Callable[[Array], Array], _Taken]]:
+    """Yield the functions of time at whose zeros an expression has a pole, each with what `_kept` takes."""
+    yield from ((divisor, taken) for divisor in _own_divisors(node))
+    for one in node.args:
+        yield from _divisors(one, (*taken, (node, one)) if node.head in ("max", "min") else taken)
+
+
+def _kept(taken: _Taken, t: Array) -> BoolArray:
+    """Tell when min and max, if any are given, take what is in them."""
+    kept = np.ones(t.shape, dtype=bool)
+    for node, one in taken:
+        kept &= _value(node, t) == _value(one, t)
+    return kept
+
+
+def _own_divisors(node: Node) -> Iterator[Callable[[Array], Array]]:
+    """Yield those of an expression that are not of a part of it."""
     if node.kind == "chain":
         divisors = [one for sign, one in zip(node.head, node.args[1:], strict=True) if sign == "/"]
         yield from (partial(_value, one) for one in divisors if of_time(one))
-    elif node.kind == "call" and node.head == "tan" and of_time(node):
+    elif (node.kind == "power" or node.head == "pow") and of_time(node.args[0]):
+        yield partial(_base, node.args[0], node.args[1])
+    elif node.head == "tan" and of_time(node):
         yield lambda t: np.cos(_value(node.args[0], t))
-    for one in node.args:
-        yield from _divisors(one)
+
+
+def _base(base: Node, exponent: Node, t: Array) -> Array:
+    """Return what a power divides by, of the sign of the quotient; NaN where it does not divide."""
+    x, n = _value(base, t), _value(exponent, t)
+    return np.where(n < 0.0, np.where(n % 2.0 == 1.0, x, np.abs(x)), np.nan)
 
 
 def _turning(node: Node) -> Iterator[Node]:
@@ -347,6 +375,30 @@ def _value(node: Node, t: Array) -> Array:
 
 
 def _zeros(function: Callable[[Array], Array], t: Array) -> Array:
+    """Return where a function changes its sign, or is zero at a sample."""
+    return np.concatenate([_changes(function, t), t[1:-1][function(t)[1:-1] == 0.0]])
+
+
+def _touched(function: Callable[[Array], Array], t: Array) -> Array:
+    """Return where the size of a function has a minimum next to a sample that is zero but for rounding."""
+
+    def size(t: Array) -> Array:
+        return np.nan_to_num(np.abs(function(t.ravel())), nan=np.inf, posinf=np.inf).reshape(t.shape)
+
+    y = np.pad(size(t), 1, constant_values=np.inf)
+    place = t[(y[1:-1] < y[:-2]) & (y[1:-1] <= y[2:]), None]
+    width = np.full_like(place, t[1] - t[0])
+    for _ in range(_ZOOMS):
+        near = np.clip(place + width * np.linspace(-1.0, 1.0, 2 * _ZOOM + 1), t[0], t[-1])
+        y = size(near)
+        place = np.take_along_axis(near, y.argmin(axis=1)[:, None], axis=1)
+        width = np.maximum(width / _ZOOM, _ZOOM * np.spacing(place))
+    least, most = y.min(axis=1), np.where(np.isinf(y), 0.0, y).max(axis=1)
+    found: Array = place[(least == 0.0) | (most > _UNEVEN * least), 0]
+    return found
+
+
+def _changes(function: Callable[[Array], Array], t: Array) -> Array:
     """Return where a function changes its sign between samples, by bisection."""
     sign = np.sign(function(t))
     changes = np.flatnonzero(sign[:-1] * sign[1:] < 0)
@@ -355,4 +407,4 @@ def _zeros(function: Callable[[Array], Array], t: Array) -> Array:
         middle = 0.5 * (low + high)
         same = np.sign(function(middle)) == below
         low, high = np.where(same, middle, low), np.where(same, high, middle)
-    return np.concatenate([high, t[1:-1][sign[1:-1] == 0]])
+    return high

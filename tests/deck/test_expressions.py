@@ -1,6 +1,7 @@
 """Expressions in place of numbers, parameters, and laws of time that are expressions."""
 
 import math
+import re
 import time
 
 import numpy as np
@@ -410,6 +411,38 @@ def test_laws_without_a_value_at_their_start_warn_of_nothing(recwarn):
     assert not law_of("1 + t * log(t)", start=0.5).kink
     assert not np.isfinite(law_of("log(t)").build().rate(0.0))
     assert not recwarn.list
+
+
+POLES = """
+1/(t - 0.50007)  1e-6/(t - 0.50007)**2  (t - 0.50007)**-1  (t - 0.50007)**-2  pow(t - 0.50007, -3)  1/t
+t**-0.5  pow(t - 0.50007, -2)  1/abs(t - 0.50007)  abs(t - 0.77771)**-1.5  1/(t - 1)  1/(1 - t)**2
+1/(t - 1e-5)**2  1/(1 - sin(3*t))  1/(1 + cos(4*t))  1/(t**2 - 0.5)**2  (1 - sin(3*t))**-0.5
+1/(t**2 - 2*0.37*t + 0.37**2)  1/(sin(5*t) - 0.5)**2  1/(exp(t) - 2)**2  1/hypot(t - 0.3, t - 0.3)
+1/(cosh(t - 0.4) - 1)  tan(pi/2 + (t - 0.31)**2)  1/max(t - 0.5, 0)  ((t - 0.3)**2)**(-t)
+5 + 1/(1000*t - 500.07)**2  (t*(t - 0.333))**-2  1/min((t - 0.3)**2, 0.1)  max(1/(t - 0.50007)**2, 3)
+min(1/(t - 0.50007), 10)  max(min(1/(t - 0.50007), 10), -10)  2**(1/(t - 0.2)**2)
+min(1/(t - 0.2)**2, 100) + 1/(t - 0.7)**2
+"""
+FINITE = """
+1/(t**2 + 1e-6)  1/(1 + cos(t))  1/(1.0001 + cos(4*t))  1/(1 - 0.999999*sin(3*t))  1/(1e-14 + 1 - sin(3*t))
+min(1/t, 10)  1/max(t - 0.5, 0.1)  sin(max(t, 1e-15))/max(t, 1e-15)  1/max((t - 0.5)**2, 1e-6)
+1/(abs(t - 0.5) + 1e-9)  (t + 1)**-2  1/((t - 0.50007)**2 + 1e-20)  (t**2 + 1e-6)**-1  pow(t + 0.1, -3)
+pow(t - 0.5, 3)  (t - 0.50007)**0  tan(1.5*t)  1/(2 + sin(3000*t))  1/(1.1 - t)  1/(t - 1.0001)**2
+1/(t + 1e-12)  ((t - 0.3)**2)**(t + 0.1)  (0.02 + t)**(0.5 - t)  min(1/(t - 0.50007)**2, 100)
+min(1/(t - 0.5)**2, 100)*(t - 0.5)  max(-1/(t - 0.50007)**2, -100)  min(abs(t - 0.3)**-1, 5)
+min(5, pow(t - 0.3, -2))  1/cosh(10*(t - 0.5))
+"""
+
+
+@pytest.mark.parametrize("text", re.split(r"\s{2,}|\n", POLES.strip()))
+def test_a_law_that_divides_by_zero_has_trouble(text):
+    found = law_of(text).build().trouble(1.0, (0,))
+    assert found is not None and found[1] == "it divides by zero"
+
+
+@pytest.mark.parametrize("text", re.split(r"\s{2,}|\n", FINITE.strip()))
+def test_a_law_that_comes_near_to_it_has_none(text):
+    assert law_of(text).build().trouble(1.0, (0,)) is None
 
 
 def test_kinks_and_turns_of_expressions_are_breaks():
