@@ -24,7 +24,7 @@ from hfsim.deck.expressions import (
 )
 from hfsim.deck.reader import Path
 from hfsim.deck.source import DeckSource, OverrideProblem, did_you_mean
-from hfsim.deck.units import quantity_of_any_kind
+from hfsim.deck.units import UNITS, UnitError, parse_quantity, quantity_of_any_kind
 from hfsim.errors import DeckProblem
 
 _OPENING = "${"
@@ -48,6 +48,21 @@ def work_out(source: DeckSource) -> None:
         if key != "parameters":
             values.fill(source.data, (key,), value)
     values.refuse_unused()
+
+
+def _no_number(text: str) -> tuple[str, str]:
+    """Return what is wrong with text that is no quantity of any kind, and what would be right."""
+    message, hint = f"must be a number, not '{text}'", f'a unit, or "${{{text.strip()}}}"'
+    try:
+        _parsed(text)
+    except ExpressionError:
+        try:
+            parse_quantity(text, "dimensionless")
+        except UnitError as error:
+            units = [unit for known in UNITS.values() for unit in known]
+            meant = error.hint if error.hint.endswith("?") else ""  # else it lists units of plain numbers
+            message, hint = str(error), did_you_mean(error.unit, units) if error.unit else meant
+    return message, hint
 
 
 @dataclass
@@ -116,7 +131,7 @@ class _Values:
         if isinstance(value, str):
             found = quantity_of_any_kind(value)
             if found is None:
-                self._refuse(name, f"must be a number, not '{value}'", f"a unit, or \"${{{value.strip()}}}\"")
+                self._refuse(name, *_no_number(value))
                 return
             value = found[0]
         if isinstance(value, bool) or not isinstance(value, int | float):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable
 from dataclasses import field
+from functools import partial
 from itertools import islice
 from pathlib import Path as FilePath
 from typing import Any
@@ -17,6 +18,8 @@ COMPARED = 200
 """Known names that a misspelt one is compared with."""
 LONGEST_WORD = 64
 """Characters of a word that may be a misspelt name."""
+_MISSPELT = 0.8
+"""Likeness from which a word is a known name misspelt, though it shares parts with others."""
 _LISTED = 20
 """Known names that a message lists."""
 MOST_BYTES = 4 * LARGEST + 4
@@ -50,27 +53,43 @@ def is_text(word: str) -> bool:
     return not any("\ud800" <= char <= "\udfff" for char in word)
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
-    """Return the known name most like a word; none is like a very long one."""
+def nearest(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
+    """Return the known name most like a word, from a likeness up to 1; none is like a very long one."""
     import difflib
 
     by_lower = {name.lower(): name for name in islice(known, COMPARED)}
-    close = difflib.get_close_matches(word.lower(), by_lower, n=1) if len(word) <= LONGEST_WORD else []
+    like = partial(difflib.get_close_matches, n=1, cutoff=likeness)
+    close = like(word.lower(), by_lower) if len(word) <= LONGEST_WORD else []
     return by_lower[close[0]] if close else ""
 
 
+def _parts(name: str) -> set[str]:
+    return set(re.split("[_/]", name.lower()))
+
+
+def _likely(word: str, known: Collection[str]) -> list[str]:
+    """Return the known names that a word may mean: that which it misspells, or all that share a part."""
+    parts = _parts(word)
+    sharing = [name for name in islice(known, COMPARED) if parts & _parts(name)]
+    close = nearest(word, known, _MISSPELT) if 1 < len(sharing) <= _LISTED else nearest(word, known)
+    return [close] if close else sharing[:_LISTED]
+
+
 def did_you_mean(word: str, known: Collection[str]) -> str:
-    """Return the known name most like a word as a question, or else the known names.
+    """Return the known names that a word may mean as a question, or else the known names.
 
     Examples
     --------
     >>> did_you_mean("lenght", ["length", "width"])
     "did you mean 'length'?"
+    >>> did_you_mean("damping", ["density", "axial_damping", "bending_damping"])
+    "did you mean 'axial_damping' or 'bending_damping'?"
     >>> did_you_mean("colour", ["length", "width"])
     'known: length, width'
     """
-    if close := nearest(word, known):
-        return f"did you mean '{close}'?"
+    if likely := [f"'{name}'" for name in _likely(word, known)]:
+        *others, last = likely
+        return f"did you mean {', '.join(others)}{' or ' if others else ''}{last}?"
     more = [f"and {len(known) - _LISTED} more"] if len(known) > _LISTED else []
     return f"known: {', '.join([*islice(known, _LISTED), *more])}" if known else ""
 

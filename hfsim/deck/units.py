@@ -133,18 +133,18 @@ _LONGEST = 100
 """Characters of a quantity."""
 
 _QUANTITY = re.compile(r"\s*([-+]?(?:\.\d+|\d+\.?\d*)(?:[eE][-+]?\d+)?)\s*(.*?)\s*\Z", re.ASCII)
-_NUMBER_GOES_ON = re.compile(r"[-+.\d_,eE]*[.\d_,]|[eE][-+]?(?![\w%])", re.ASCII)
-"""What follows a number and is no unit: more of what numbers are made of, or an exponent without digits."""
+_NUMBER_GOES_ON = re.compile(r"(?!1/)[-+.\d_,eE]*[.\d_,]|[eE][-+]?(?![\w%])", re.ASCII)
+"""What follows a number and is no unit, as 1/min is: more of a number, or an exponent without digits."""
 
 _DECIMAL_COMMA = re.compile(r"\A([-+]?[0-9]+),([0-9]+(?![.,_\d]))", re.ASCII)
 
 
 class UnitError(ValueError):
-    """Text that is no quantity of the dimension asked for; ``hint`` says what would be."""
+    """Text that is no quantity of the dimension asked for; ``hint`` says what would be, ``unit`` is wrong."""
 
-    def __init__(self, message: str, hint: str = "") -> None:
+    def __init__(self, message: str, hint: str = "", unit: str = "") -> None:
         super().__init__(message)
-        self.hint = hint
+        self.hint, self.unit = hint, unit
 
 
 def describe(dimension: str) -> str:
@@ -198,7 +198,7 @@ def parse_quantity(text: str, dimension: str) -> float:
             hint = "" if meant == text.strip() else f"did you mean '{meant}'?"
             raise UnitError(f"{expected}, '{text[: more.end()].strip()}' is no number", hint)
         what = kind or "not a known unit"
-        raise UnitError(f"{expected}, '{unit}' is {what}", _known_units(dimension, unit))
+        raise UnitError(f"{expected}, '{unit}' is {what}", _known_units(dimension, unit), unit)
     try:
         return float(Decimal(number) * Decimal(factor))
     except (ArithmeticError, OverflowError) as error:

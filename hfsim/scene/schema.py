@@ -268,13 +268,15 @@ class Deck(Spec):
         """Put the defaults that depend on other entries into the output."""
         super().model_post_init(context)
         entries = {key: getattr(self, key) for key in type(self).model_fields}
-        if "gravity" not in self.model_fields_set and space_of(entries)[0] == 3:
+        n_dim = space_of(entries)[0]
+        if "gravity" not in self.model_fields_set and n_dim == 3:
             object.__setattr__(self, "gravity", (0.0, 0.0, 0.0))
-        beams = {k: b.in_space(self.dimension) for k, b in self.bodies.items() if isinstance(b, BeamSpec)}
+        # gravity of two numbers in space is refused: nothing else of the deck is taken as planar for it
+        beams = {k: b.in_space(n_dim) for k, b in self.bodies.items() if isinstance(b, BeamSpec)}
         object.__setattr__(self, "bodies", {**self.bodies, **beams})
         filled = {**vars(self.output)}
         filled["interval"] = self.output.interval or self.solve.duration / 200
-        filled["channels"] = self.output.channels or default_channels(self.bodies, self.dimension)
+        filled["channels"] = self.output.channels or default_channels(self.bodies, n_dim)
         object.__setattr__(self, "output", OutputSpec.model_construct(**filled))
 
     @property

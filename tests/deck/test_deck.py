@@ -68,6 +68,35 @@ def test_what_makes_a_scene_spatial_is_named_where_no_gravity_is_stated():
         load_deck(HERE / "broken_decks" / "space_two_numbers_elsewhere.yaml")
 
 
+def test_gravity_of_two_numbers_in_space_is_the_only_error():
+    (problem,) = problems("""
+hfsim: 1
+gravity: [0, -9.81]
+materials: {steel: {density: 7850, youngs_modulus: 2.1e11, poisson_ratio: 0.3}}
+sections: {flat: {shape: rectangle, width: 0.1, height: 0.02}}
+bodies:
+  arm: {type: beam, material: steel, section: flat, length: 2}
+  hub: {type: rigid, mass: 1, inertia: [1, 1, 1]}
+joints: {root: {type: fixed, between: [hub, arm.root]}}
+solve: {duration: 1}
+""")
+    assert problem.path == "gravity" and problem.message.startswith("must be a list of 3 numbers")
+
+
+@pytest.mark.parametrize(
+    ("key", "meant"),
+    [
+        ("damping", "'axial_damping' or 'bending_damping'"),
+        ("damping_ratio", "'poisson_ratio', 'axial_damping' or 'bending_damping'"),
+        ("poisson_ration", "'poisson_ratio'"),
+        ("axial_dampin", "'axial_damping'"),
+    ],
+)
+def test_all_keys_that_an_unknown_one_may_mean_are_named(key, meant):
+    (problem,) = problems(SMALL.replace("density: 7800", f"density: 7800, {key}: 0.01"))
+    assert (problem.path, problem.hint) == (f"materials.steel.{key}", f"did you mean {meant}?")
+
+
 def test_marks_cover_the_wrong_text():
     for path in BROKEN:
         with pytest.raises(DeckError) as caught:

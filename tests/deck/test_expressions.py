@@ -284,6 +284,22 @@ def test_a_parameter_that_is_set_and_nothing_uses_is_refused():
     assert used.deck.bodies["arm"].length == 3.0
 
 
+@pytest.mark.parametrize(
+    ("value", "what", "hint"),
+    [
+        ("20 RPM", "'RPM' is not a known unit", "did you mean 'rpm'?"),
+        ("400 1/min", "'1/min' is not a known unit", "did you mean 'min', 'rev/min' or '1/s'?"),
+        ("1,5 m", "'1,5' is no number", "did you mean '1.5 m'?"),
+        ("2 * 3", "not '2 * 3'", 'a unit, or "${2 * 3}"'),
+    ],
+)
+def test_a_parameter_of_an_unknown_unit_is_told_the_known_ones(value, what, hint):
+    with pytest.raises(DeckError) as caught:
+        parse_deck(SWING, "swing.yaml", [f"parameters.length='{value}'"])
+    (problem,) = caught.value.problems
+    assert (problem.message, problem.hint) == (f"must be a number, {what}", hint)
+
+
 @pytest.mark.parametrize("override", ["parameters.n=${1 / 0}", "parameters.n=x", "bodies.arm.length=${m}"])
 def test_wrong_expressions_of_overrides_are_placed_at_set(override):
     with pytest.raises(DeckError) as caught:
