@@ -138,7 +138,7 @@ class BeamSpec(BodySpec):
     """Gauss points an element, where the elastic energy is no polynomial; 2 degree - 1 without it."""
 
     rotary_inertia: Flag = False
-    """Whether the sections' rotary inertia counts."""
+    """Whether the sections' rotary inertia counts; a cable's resists stretching too."""
 
     truncation: Literal["second_order", "none"] = "second_order"
     """Order in the deformation through which the model lowOrder keeps inertia terms."""
