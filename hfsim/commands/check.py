@@ -52,13 +52,12 @@ def _check_one(argument: str, overrides: tuple[str, ...], talk: Talk) -> int:
         code = report_error(error)
         talk.facts({"deck": argument, "ok": False, "error": str(error)})
         return code
-    warnings = [*loaded.warnings, *facts.get("warnings", ())]
-    talk.facts({"deck": argument, "ok": True, **facts, "warnings": warnings})
+    talk.facts({"deck": argument, "ok": True, **facts})
     lines = [*_assembled(facts.get("assembly") or {}), *free_motions(facts)]
     every = [(f"{argument}: ", f"ok: {describe(facts)}"), *(("  ", line) for line in lines)]
     fit = at_terminal()
     talk.result("\n".join(wrapped(line, head, "    ") if fit else head + line for head, line in every))
-    talk.warn(argument, facts.get("warnings", ()))
+    talk.warn(argument, facts.get("warnings", ()), loaded.warnings)
     for key, value in facts.items():
         talk.detail(f"  {key}: {value}")
     return 0

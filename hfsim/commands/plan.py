@@ -74,7 +74,7 @@ def _tell(loaded: LoadedDeck, measured: bool, repeats: int, talk: Talk) -> None:
             facts["measured"] = [cost.facts() for cost in costs]
         talk.facts({"name": loaded.deck.name, **facts})
         talk.result(as_text(loaded.deck.name, facts, talk.verbose))
-        talk.warn(loaded.deck.name, scene.warnings)
+        talk.warn(loaded.deck.name, scene.warnings, loaded.warnings)
         if costs:
             talk.result(f"\nmeasured, CPU, medians of {repeats}:\n{table(_COSTS, costs)}")
 

@@ -49,7 +49,7 @@ def tell_doubts(run: Run, summary: Mapping[str, Any], talk: Talk, told: Containe
     """Print how the scene was put together and what is doubtful, save what was told before."""
     for note in (summary.get("assembly") or {}).get("notes", ()):
         talk.note(f"{run.name}: {note}")
-    talk.warn(run.name, (one for one in summary["warnings"] if one not in told))
+    talk.warn(run.name, summary["warnings"], told)
 
 
 def ringing_words(found: Mapping[str, Any]) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import field
 from pathlib import Path
 
@@ -78,9 +78,9 @@ class Talk:
             self._told.add(text)
             print_error(text)
 
-    def warn(self, about: str, warnings: Iterable[str]) -> None:
-        """Tell warnings about something, of many the first; silent under ``-q``."""
-        self.notes(about, (f"{about}: warning: {warning}" for warning in warnings))
+    def warn(self, about: str, warnings: Iterable[str], told: Container[str] = ()) -> None:
+        """Tell warnings about something that were not told before, of many the first; silent under ``-q``."""
+        self.notes(about, (f"{about}: warning: {one}" for one in warnings if one not in told))
 
     def notes(self, about: str, lines: Iterable[str]) -> None:
         """Tell lines that are warnings about something, of many the first; silent under ``-q``."""

@@ -64,21 +64,18 @@ class Provenance(NamedTuple):
         ``key=value`` settings of the command line.
     resolved : dict
         The deck with every default filled in, plain values only.
-    warnings : tuple of str
-        What looks like slips in the deck.
     """
 
     source: str
     deck_sha256: str
     overrides: tuple[str, ...]
     resolved: dict[str, Any]
-    warnings: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, loaded: LoadedDeck, source: str, overrides: Sequence[str]) -> Provenance:
         """Return where a run of a deck comes from."""
         resolved = loaded.deck.resolved()
-        return cls(source, loaded.deck_sha256, tuple(overrides), resolved, loaded.warnings)
+        return cls(source, loaded.deck_sha256, tuple(overrides), resolved)
 
     def facts(self) -> dict[str, Any]:
         """Return what files of results say of it."""
@@ -190,7 +187,7 @@ def summary_of(run: Run, provenance: Provenance, files: Sequence[str]) -> dict[s
     plain: dict[str, Any]
     plain, bad = json_ready(facts)
     lost = [f"{name} is not finite: written as null" for name in bad]
-    plain["warnings"] = [*provenance.warnings, *warnings_of(run), *lost]
+    plain["warnings"] = [*warnings_of(run), *lost]
     return plain
 
 

@@ -124,8 +124,8 @@ class Scene:
 
     @cached_property
     def warnings(self) -> list[str]:
-        """What looks wrong with the start: guesses far off, motions that can hardly be meant to be free."""
-        found = list(self.assembly.warnings())
+        """What looks wrong: slips in the deck, guesses far off, free motions hardly meant to be so."""
+        found = [*self.loaded.warnings, *self.assembly.warnings()]
         looks = slips(self.deck, self.assembly, self.free_motions or [])
         resting = [self.bodies[name] for name in self.deck.resting if name in self.bodies]
         thrown = beyond_stops(self.system, self.system.absolute(self.q[None])[0], resting)

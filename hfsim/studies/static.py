@@ -119,7 +119,9 @@ def run_static(loaded: LoadedDeck, wish: Wish | float = 0.0) -> Run:
         raise ArgumentError("vary goes with path and buckling only: else all loads are put on")
     clock = PhaseClock()
     with clock.phase("build"):
-        scene = build(loaded.until(wish.t) if wish.t else loaded)
+        if wish.t:
+            loaded.until(wish.t)
+        scene = build(loaded)
         for name in wish.varied or ():
             if name not in loads_of(scene):
                 raise UnknownLoadError(name, loads_of(scene))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import hfsim
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import check, simulate
 
@@ -161,20 +162,35 @@ def test_sections_higher_than_the_beam_is_long_are_accepted():
 # Where they are told
 
 
-def hfsim(*arguments, cwd):
-    command = [sys.executable, "-m", "hfsim", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=60)
+def command(*arguments, cwd):
+    words = [sys.executable, "-m", "hfsim", *arguments]
+    return subprocess.run(words, capture_output=True, text=True, cwd=cwd, timeout=60)
+
+
+def written(folder):
+    """Write a deck with one slip, and return what is told of it."""
+    text = DECK.replace("angle: 0, angular", "angle: 30, angular").replace("duration: 2", "duration: 0.002")
+    (folder / "deck.yaml").write_text(
+        text.replace("interval: 0.01", "interval: 0.001").replace("start: 0.1", "start: 0")
+    )
+    return "deck.yaml:15:24: warning: initial.hub.angle: 30 rad are 4.77 turns ('30 deg'?)"
 
 
 def test_slips_are_told_by_check_and_run_and_kept_in_the_summary(tmp_path):
-    text = DECK.replace("angle: 0, angular", "angle: 30, angular").replace("duration: 2", "duration: 0.002")
-    (tmp_path / "deck.yaml").write_text(
-        text.replace("interval: 0.01", "interval: 0.001").replace("start: 0.1", "start: 0")
-    )
-    told = "deck.yaml:15:24: warning: initial.hub.angle: 30 rad are 4.77 turns ('30 deg'?)"
-    checked = hfsim("check", "deck.yaml", "--json", cwd=tmp_path)
+    told = written(tmp_path)
+    checked = command("check", "deck.yaml", "--json", cwd=tmp_path)
     assert checked.stderr.splitlines() == [told]
     assert json.loads(checked.stdout)["warnings"] == [told]
-    ran = hfsim("run", "deck.yaml", "--no-plots", cwd=tmp_path)
+    ran = command("run", "deck.yaml", "--no-plots", cwd=tmp_path)
     assert (ran.returncode, ran.stderr.count(told)) == (0, 1)
     assert told in json.loads((tmp_path / "deck.out" / "summary.json").read_text())["warnings"]
+
+
+def test_slips_are_told_in_python(tmp_path, monkeypatch):
+    told = written(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    assert hfsim.check("deck.yaml")["warnings"] == [told]
+    run = hfsim.run("deck.yaml", output="out", plots=False)
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert run.statistics["warnings"].count(told) == summary["warnings"].count(told) == 1
+    assert hfsim.static("deck.yaml", check=False).statistics["warnings"].count(told) == 1
