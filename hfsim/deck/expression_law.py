@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial, reduce
-from itertools import islice
+from functools import cached_property, partial
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from hfsim.deck.expressions import Node, evaluated, names_in
-from hfsim.deck.functions_of_time import JUMPS, KINKED, OF_TIME, RULES, Rule, exponential, logarithm, power_of
+from hfsim.deck.functions_of_time import JUMPS, KINKED, OF_TIME, RULES
+from hfsim.deck.jets import CALLS, OPERATIONS, Jet, Operation, composed, times, to_the
 from hfsim.deck.laws import Law
 from hfsim.maths.arrays import Array, BoolArray
 
@@ -36,118 +36,9 @@ _UNEVEN = 4.0
 _BESIDE = 1e-6
 """Part of a run beside a switch where rates are compared."""
 
-Jet: TypeAlias = "list[Any] | float"
-"""Value and derivatives by time up to some order, arrays or numbers; a number where it is constant."""
 _Function: TypeAlias = "Callable[[list[Any]], Jet]"
-_Operation: TypeAlias = "Callable[[Jet, Jet], Jet]"
 _Taken: TypeAlias = "tuple[tuple[Node, Node], ...]"
 """Calls of min and max, each with that of its arguments which is meant."""
-
-
-# Jets ------------------------------------------------------------------------------------------------
-
-
-def _composed(rule: Rule, u: Sequence[Any]) -> list[Any]:
-    g = list(islice(rule(u[0]), len(u)))
-    found = [g[0]]
-    if len(u) > 1:
-        found.append(_product(g[1], u[1]))
-    if len(u) > 2:
-        found.append(_product(g[2], u[1] * u[1]) + _product(g[1], u[2]))
-    return found
-
-
-def _product(x: Any, y: Any) -> Any:
-    """Return x y; most derivatives are of t alone, 1 and 0."""
-    if isinstance(y, float) and y in (0.0, 1.0):
-        return x if y else 0.0
-    return x * y
-
-
-def _number(a: Jet) -> float:
-    assert not isinstance(a, list)
-    return a
-
-
-def _steady(a: float, like: Jet) -> list[Array]:
-    """Return the jet of a number, with as many derivatives as another has."""
-    assert isinstance(like, list)
-    return [np.full_like(like[0], 0.0 if order else a) for order in range(len(like))]
-
-
-def _plus(a: Jet, b: Jet, sign: float = 1.0) -> Jet:
-    if isinstance(a, list) and isinstance(b, list):
-        return [x + sign * y for x, y in zip(a, b, strict=True)]
-    if isinstance(a, list):
-        return [a[0] + sign * _number(b), *a[1:]]
-    if isinstance(b, list):
-        return [a + sign * b[0], *(sign * y for y in b[1:])]
-    return a + sign * b
-
-
-def _times(a: Jet, b: Jet) -> Jet:
-    if isinstance(a, list) and isinstance(b, list):
-        found = [a[0] * b[0]]
-        if len(a) > 1:
-            found.append(_product(b[0], a[1]) + _product(a[0], b[1]))
-        if len(a) > 2:
-            found.append(_product(b[0], a[2]) + 2.0 * (a[1] * b[1]) + _product(a[0], b[2]))
-        return found
-    if isinstance(a, list):
-        return [x * _number(b) for x in a]
-    return [a * y for y in b] if isinstance(b, list) else a * b
-
-
-def _over(a: Jet, b: Jet) -> Jet:
-    if isinstance(b, list):
-        return _times(a, _composed(power_of(-1.0), b))
-    return [x / b for x in a] if isinstance(a, list) else a / b
-
-
-def _to_the(a: Jet, b: Jet) -> Jet:
-    if not isinstance(b, list):
-        return _composed(power_of(b), a) if isinstance(a, list) else a**b
-    exponent = _times(b, _logarithm(a))
-    assert isinstance(exponent, list)
-    return _composed(exponential, exponent)
-
-
-def _chosen(choose: Callable[[Any, Any], Any]) -> Callable[[Jet, Jet], Jet]:
-    """Return what takes of two jets the one whose value is chosen."""
-
-    def pick(a: Jet, b: Jet) -> Jet:
-        if not isinstance(a, list) and not isinstance(b, list):
-            return a if choose(a, b) else b
-        first = a if isinstance(a, list) else _steady(a, b)
-        second = b if isinstance(b, list) else _steady(b, a)
-        taken = choose(first[0], second[0])
-        return [np.where(taken, x, y) for x, y in zip(first, second, strict=True)]
-
-    return pick
-
-
-def _logarithm(a: Jet) -> Jet:
-    return _composed(logarithm, a) if isinstance(a, list) else float(np.log(a))
-
-
-def _length(*sides: Jet) -> Jet:
-    return _to_the(reduce(_plus, (_times(one, one) for one in sides)), 0.5)
-
-
-_OPERATIONS: dict[str, _Operation] = {
-    "+": _plus,
-    "-": lambda a, b: _plus(a, b, -1.0),
-    "*": _times,
-    "/": _over,
-}
-_CALLS: dict[str, Callable[..., Jet]] = {
-    "max": lambda *args: reduce(_chosen(np.greater_equal), args),
-    "min": lambda *args: reduce(_chosen(np.less_equal), args),
-    "hypot": _length,
-    "pow": _to_the,
-    "log": lambda a, base: _over(_logarithm(a), _logarithm(base)),
-}
-"""Calls with several arguments."""
 
 
 def of_time(node: Node) -> bool:
@@ -206,20 +97,20 @@ def _function(node: Node) -> _Function:
         return lambda t: node.value
     args = [_function(one) for one in node.args]
     if node.kind == "chain":
-        operations = [_OPERATIONS[sign] for sign in node.head]
+        operations = [OPERATIONS[sign] for sign in node.head]
         return partial(_chained, args[0], list(zip(operations, args[1:], strict=True)))
     if node.kind == "negative":
-        return lambda t: _times(-1.0, args[0](t))
+        return lambda t: times(-1.0, args[0](t))
     if node.kind == "power":
-        return lambda t: _to_the(args[0](t), args[1](t))
+        return lambda t: to_the(args[0](t), args[1](t))
     if len(args) == 1 and node.head in RULES:
         rule = RULES[node.head]
-        return lambda t: _composed(rule, args[0](t))  # type: ignore[arg-type]
-    call = _CALLS[node.head]
+        return lambda t: composed(rule, args[0](t))  # type: ignore[arg-type]
+    call = CALLS[node.head]
     return lambda t: call(*(one(t) for one in args))
 
 
-def _chained(first: _Function, steps: Sequence[tuple[_Operation, _Function]], t: list[Any]) -> Jet:
+def _chained(first: _Function, steps: Sequence[tuple[Operation, _Function]], t: list[Any]) -> Jet:
     value = first(t)
     for operation, one in steps:
         value = operation(value, one(t))
