@@ -121,10 +121,11 @@ def campbell_text(result: Campbell, place: str) -> str:
         {"rate": rate, **{f"mode {k}": _cell(track[j]) for k, track in enumerate(result.tracks, 1)}}
         for j, rate in enumerate(result.rates.tolist())
     ]
-    lines = [
-        f"{scene.deck.name}, {scene.model}: frequencies [Hz] in steady rotation, {result.view}",
-        table(names, rows),
-    ]
+    lines = [f"{scene.deck.name}, {scene.model}: frequencies [Hz] in steady rotation, {result.view}"]
+    if result.unsteady:
+        told = f"no steady rotation at {_rates(result.unsteady)} rad/s: neither frequencies nor crossings"
+        lines.append(wrapped(told))
+    lines.append(table(names, rows))
     facts = result.facts()
     for one in facts["crossings"]:
         often = "once" if one["order"] == 1 else f"{one['order']} times"
@@ -135,10 +136,6 @@ def campbell_text(result: Campbell, place: str) -> str:
         lines.append(f"  unstable: mode {one['mode']} at {one['rate']:.6g} rad/s, {one['kind']}, {told}")
     if len(facts["unstable"]) > _MOST_TOLD:
         lines.append(f"  and {len(facts['unstable']) - _MOST_TOLD} more, see campbell.csv")
-    if facts["unsteady_rates"]:
-        lines.append(
-            wrapped(f"no steady rotation at {_rates(facts['unsteady_rates'])} rad/s: those of the moment")
-        )
     return "\n".join([*lines, f"  results: {place}"] if place else lines)
 
 

@@ -85,7 +85,8 @@ def campbell(
     Returns
     -------
     Campbell
-        ``found.rates``, ``found.frequencies(1)`` [Hz] of a mode at all rates, ``found.crossings``.
+        ``found.rates``, ``found.frequencies(1)`` [Hz] of a mode at all rates, NaN at those of
+        ``found.unsteady``, and ``found.crossings``.
 
     Raises
     ------

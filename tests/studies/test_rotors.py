@@ -178,6 +178,15 @@ def test_bearings_that_are_not_alike_all_around_are_told(old, new):
         assert np.real(seen) == pytest.approx(-0.75, rel=1e-9)
 
 
+def test_rates_without_a_steady_rotation_have_neither_frequencies_nor_crossings():
+    """Frozen stiffness in axes that turn made rows, curves and an excitation once a revolution of them."""
+    text = PLATE.replace("py, plate], stiffness: 800.0", "py, plate], stiffness: 700.0")
+    found = hfsim.campbell(parse_deck(text), [0.0, 5.0, 12.0], count=3)
+    assert not found.crossings and found.unsteady == [5.0, 12.0] == found.facts()["unsteady_rates"]
+    assert {row["rate"] for row in found.rows()} == {0.0} and np.isnan(found.frequencies(2)[1:]).all()
+    assert "no steady rotation at 5, 12 rad/s: neither frequencies" in campbell_text(found, "")
+
+
 GUIDED = """hfsim: 1
 gravity: [0, 0, 0]
 ground: {points: {there: [1, 0, 0]}}

@@ -73,7 +73,7 @@ class Campbell:
     rates : ndarray, shape (n,)
         [rad/s].
     tracks : tuple of tuple of Mode or None
-        Each mode at all rates, followed by its shape; None where it was lost.
+        Each mode at all rates, followed by its shape; None where it was lost, and at `unsteady` rates.
     senses : tuple of tuple of int
         Minus one from where it goes round the other way, its frequency having gone through zero.
     crossings : tuple of Crossing
@@ -85,6 +85,12 @@ class Campbell:
     tracks: tuple[tuple[Mode | None, ...], ...]
     senses: tuple[tuple[int, ...], ...]
     crossings: tuple[Crossing, ...]
+
+    @property
+    def unsteady(self) -> list[float]:
+        """Rates at which there is no steady rotation, and no frequencies are those of one [rad/s]."""
+        every = zip(self.rates.tolist(), self.founds, strict=True)
+        return [rate for rate, found in every if not found.steady]
 
     @property
     def view(self) -> str:
@@ -111,7 +117,7 @@ class Campbell:
         ]
 
     def frequencies(self, number: int) -> Array:
-        """Return those of a mode, by its number from one on, at all rates [Hz]; NaN where it was lost."""
+        """Return those of a mode, by its number from one on, at all rates [Hz]; NaN where it is None."""
         if not 1 <= number <= len(self.tracks):
             raise ArgumentError(f"there is no mode {number}: they are numbered from 1 to {len(self.tracks)}")
         track = self.tracks[number - 1]
@@ -125,11 +131,7 @@ class Campbell:
             **{key: first[key] for key in ("name", "model", "unknowns", "multipliers")},
             "about": {"state": "steady", "rates": self.rates.tolist()},
             "complete": [found.complete for found in self.founds],
-            "unsteady_rates": [
-                float(rate)
-                for rate, found in zip(self.rates, self.founds, strict=True)
-                if not found.about.lasting or found.uneven
-            ],
+            "unsteady_rates": self.unsteady,
             "crossings": [one.facts() for one in self.crossings],
             "unstable": [
                 {"mode": number, "rate": float(rate), "kind": mode.kind, "growth_rate": mode.growth}
@@ -172,6 +174,10 @@ def campbell(
         founds.append(modes_of(state, count + _SPARE))
         progress((k + 1) / len(walk))
     tracks, senses = _followed(founds, count)
+    steady = [found.steady for found in founds]
+    tracks = tuple(
+        tuple(mode if told else None for mode, told in zip(track, steady, strict=True)) for track in tracks
+    )
     every = Campbell(tuple(founds), np.array(walk, dtype=float), tracks, senses, ())
     return replace(every.at(rates), crossings=tuple(_crossings(every, start)))
 

@@ -203,6 +203,11 @@ class Modes:
         told = np.array([[abs(mode.value), mode.uncertainty] for mode in self.modes]).reshape(-1, 2)
         return not stays_even(self.about, np.array([mode.change for mode in self.modes]), *told.T)
 
+    @property
+    def steady(self) -> bool:
+        """Whether they are those of a state that lasts, at every angle of its turn."""
+        return self.about.lasting and not self.uneven
+
     def facts(self) -> dict[str, Any]:
         """Return all that is known, as plain data."""
         motions, scene = self.about.motions, self.about.scene
@@ -211,7 +216,7 @@ class Modes:
             "name": scene.deck.name,
             "model": scene.model,
             "about": self.about.facts()
-            | {"steady": self.about.lasting and not self.uneven, "uneven": self.uneven},
+            | {"steady": self.steady, "uneven": self.uneven},
             "unknowns": motions.mass.shape[0],
             "multipliers": motions.jacobian.shape[0],
             "complete": self.complete,
