@@ -365,13 +365,8 @@ class VectorBody(Body):
         rates = np.outer(self.positions, twist.velocity).ravel()
         return Entries(rows.ravel(), columns.ravel(), values.ravel()), rates
 
-    def mixed(self, factors: Array) -> Entries:
-        """Return W of rates that are sums of its vectors, with factors (n_vectors, n_vectors)."""
-        to, source = np.nonzero(factors)
-        return self.mixed_at(to, source, factors[to, source])
-
-    def mixed_at(self, to: IntArray, source: IntArray, factors: Array) -> Entries:
-        """Return the same where rates of some of its vectors are some others with a factor each."""
+    def mixed(self, to: IntArray, source: IntArray, factors: Array) -> Entries:
+        """Return W where rates of some of its vectors are some others with a factor each."""
         own, first = np.arange(self.n_dim), self.columns.start
         rows, columns = (first + self.n_dim * one[:, None] + own for one in (to, source))
         return Entries(rows.ravel(), columns.ravel(), np.repeat(factors, self.n_dim))

@@ -19,6 +19,7 @@ from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, Matrix, assemble, dense, is_sparse
 from hfsim.maths.rotations import freedoms, spun
 from hfsim.mechanics.pose import Twist
+from hfsim.mechanics.rotors import own_turns
 
 if TYPE_CHECKING:
     from hfsim.mechanics.body import Body
@@ -140,7 +141,7 @@ class Turning:
     @classmethod
     def fitting(
         cls, bodies: Sequence[Body], equations: Equations, t: float,
-        x: Array, u: Array, a: Array, blur: Array, alone: bool = False,
+        x: Array, u: Array, a: Array, blur: Array, alone: bool = False, sets: Sequence[tuple[str, ...]] = (),
     ) -> Turning | None:  # fmt: skip
         """Return the rigid motion of everything that is nearest to rates, in the metric of the mass.
 
@@ -152,6 +153,8 @@ class Turning:
             What the last digits of the state do to these.
         alone : bool
             Whether it is that of bodies by themselves, where the state might be one of everything as well.
+        sets : sequence of tuple of str
+            Rigid bodies in space that are welded together, or one alone.
 
         Returns
         -------
@@ -165,7 +168,7 @@ class Turning:
         shifts = [cls.of(bodies, 0.0 * units[0], origin, sparse, unit).travel for unit in np.eye(n_dim)]
         columns = np.array([*(one.rates(x[None])[0] for one in spins), *shifts])
         noise = NOISE**2 * float(equations.momentum(x[None], blur[None])[0] @ blur)
-        rotors = cls._with_rotors(bodies, equations, x, u, a, noise, spins, columns, alone)
+        rotors = cls._with_rotors(bodies, equations, x, u, a, noise, spins, columns, alone, sets)
         if rotors is not None:
             return rotors
         factors, left = _nearest(equations, x, columns, u)
@@ -190,25 +193,17 @@ class Turning:
 
     @classmethod
     def _with_rotors(
-        cls,
-        bodies: Sequence[Body],
-        equations: Equations,
-        x: Array,
-        u: Array,
-        a: Array,
-        noise: float,
-        spins: Sequence[Turning],
-        columns: Array,
-        alone: bool,
-    ) -> Turning | None:
+        cls, bodies: Sequence[Body], equations: Equations, x: Array, u: Array, a: Array, noise: float,
+        spins: Sequence[Turning], columns: Array, alone: bool, sets: Sequence[tuple[str, ...]],
+    ) -> Turning | None:  # fmt: skip
         """Return a steady motion in which round bodies turn by themselves; None if that is not what it is.
 
         Rates alone do not tell a turn of everything from that of a body: where they leave it open,
         accelerations do.
         """
         n, sparse, count = len(x), is_sparse(equations.constant_mass), len(spins)
-        entries = {body.name: body.spun_by_itself() for body in bodies}
-        own = {name: assemble([one], (n, n), sparse) for name, one in entries.items() if one.values.size}
+        turns = own_turns(bodies, sets, equations, x, columns)
+        own = {names: assemble([one], (n, n), sparse) for names, one in turns.items()}
         if not own or not u.any():
             return None
         ways = [
@@ -240,7 +235,7 @@ class Turning:
         )
         found = cls.of(bodies, spin, centre, sparse)
         turned = sum((rate * matrix for rate, matrix in zip(rates, own.values(), strict=True)), found.matrix)
-        turning = {name: rate for name, rate in zip(own, rates.tolist(), strict=True) if rate}
+        turning = {name: rate for one, rate in zip(own, rates.tolist(), strict=True) if rate for name in one}
         return replace(found, matrix=turned, own=turning)
 
     def _allowed(self, equations: Equations, t: float, x: Array) -> bool:

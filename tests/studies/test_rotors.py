@@ -187,6 +187,60 @@ def test_rates_without_a_steady_rotation_have_neither_frequencies_nor_crossings(
     assert "no steady rotation at 5, 12 rad/s: neither frequencies" in campbell_text(found, "")
 
 
+TOWER = """hfsim: 1
+gravity: [0, 0, -9.81]
+materials: {steel: {density: 7850, youngs_modulus: 210 GPa, poisson_ratio: 0.3}}
+sections: {wall: {shape: tube, outer_radius: 1.5, inner_radius: 1.48}}
+bodies:
+  tower: {type: beam, material: steel, section: wall, length: 50, elements: 2}
+  nacelle: {type: rigid, mass: 40000, inertia: [1.0e5, 2.0e5, 2.0e5]}
+  rotor: HUB
+BLADES
+joints:
+  foot: {type: fixed, between: [ground, tower.root], orientation: {x: [0, 0, 1], y: [0, 1, 0]}}
+  top: {type: fixed, between: [tower.tip, nacelle], orientation: {x: [0, 0, -1], y: [0, 1, 0]}}
+  axle: {type: revolute, between: [nacelle, rotor], axis: [1, 0, 0]}
+WELDS
+initial: {rotor: {angular_velocity: [2.0, 0, 0]}}
+solve: {duration: 1}
+"""
+WELD = "  w{0}: {{type: fixed, between: [rotor.p{0}, k{0}], orientation: {{rotation_vector: [{1}, 0, 0]}}}}"
+
+
+def tower(count, blade=(1.0e5, 1.0e5, 1.0e5)):
+    """A rotor with so many blades of 8000 kg, 10 m from the axis, welded to its hub; one body without."""
+    if not count:
+        around, along = 4.0e3 + 3 * (8000 * 100 + 1.0e5), 2.0e3 + 3 * (8000 * 50 + 1.0e5)
+        hub = f"{{type: rigid, mass: 30000, inertia: [{around}, {along}, {along}]}}"
+        return TOWER.replace("HUB", hub).replace("BLADES", "").replace("WELDS", "")
+    turns = [2.0 * np.pi * k / count for k in range(count)]
+    points = ", ".join(f"p{k}: [0, {10 * np.sin(t)}, {10 * np.cos(t)}]" for k, t in enumerate(turns))
+    hub = f"{{type: rigid, mass: 6000, inertia: [4.0e3, 2.0e3, 2.0e3], points: {{{points}}}}}"
+    blades = [f"  k{k}: {{type: rigid, mass: 8000, inertia: {list(blade)}}}" for k in range(count)]
+    welds = [WELD.format(k, -turn) for k, turn in enumerate(turns)]
+    text = TOWER.replace("HUB", hub).replace("BLADES", "\n".join(blades))
+    return text.replace("WELDS", "\n".join(welds))
+
+
+@pytest.mark.parametrize("body", [None, "rotor"])
+def test_three_blades_welded_to_a_hub_are_as_round_as_one_body(body):
+    expected = hfsim.campbell(parse_deck(tower(0)), [0.0, 1.5, 3.0], count=5, body=body)
+    found = hfsim.campbell(parse_deck(tower(3)), [0.0, 1.5, 3.0], count=5, body=body)
+    assert not found.unsteady and not expected.unsteady and "at rest" in campbell_text(found, "")
+    assert set(found.founds[1].about.turning.own) == {"rotor", "k0", "k1", "k2"}
+    for number in range(2, 6):
+        assert found.frequencies(number) == pytest.approx(expected.frequencies(number), rel=1e-8)
+    # the tower bends to the side by itself: nothing that turns with the rotor is in it
+    assert np.ptp(found.frequencies(3)) < 1e-6 * found.frequencies(3)[0]
+
+
+def test_plates_as_blades_are_round_together_and_two_blades_are_not():
+    plates = parse_deck(tower(3, blade=(2.0e5, 1.5e5, 0.5e5)))
+    assert hfsim.modes(plates, about="steady", count=3).steady
+    two = hfsim.campbell(parse_deck(tower(2)), [0.0, 1.5], count=5, body="rotor")
+    assert two.unsteady == [1.5]
+
+
 GUIDED = """hfsim: 1
 gravity: [0, 0, 0]
 ground: {points: {there: [1, 0, 0]}}

@@ -89,7 +89,7 @@ class CosseratBeam(VectorBeam):
             return NOTHING
         second = 3 * np.arange(self.mesh.n_nodes) + 1
         pairs = np.concatenate([second, second + 1]), np.concatenate([second + 1, second])
-        return self.mixed_at(*pairs, np.repeat([1.0, -1.0], len(second)))
+        return self.mixed(*pairs, np.repeat([1.0, -1.0], len(second)))
 
     def marker(self, place: Place) -> LinearMarker:
         """Return the marker of a material point; its axes are those of the body frame, carried along."""

@@ -65,15 +65,6 @@ class FlatRigidBody(SpatialRigidBody):
         """Return nothing: both axes have mass."""
         return NOTHING
 
-    def spun_by_itself(self) -> Entries:
-        """Return the rates of both axes in a turn about the normal, if its inertia is the same about them."""
-        first, second = np.diagonal(self.plane @ self.euler @ self.plane.T)[1:]
-        if abs(first - second) > _THIN * max(first, second) * 1e3:
-            return NOTHING
-        factors = np.zeros((3, 3))
-        factors[1, 2], factors[2, 1] = 1.0, -1.0
-        return self.mixed(factors)
-
     def marker(self, place: Place) -> SectionMarker:
         """Return the marker of a point of the plane."""
         beside = self.plane[1:] @ np.array(place)

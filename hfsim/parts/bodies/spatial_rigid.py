@@ -10,7 +10,6 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
-from hfsim.maths.rotations import skew
 from hfsim.mechanics.body import Place, VectorBody
 from hfsim.mechanics.carried import Carried
 from hfsim.mechanics.constraints import Constraint
@@ -120,16 +119,6 @@ class SpatialRigidBody(VectorBody):
         tensor[1:, 1:] = self.euler
         columns = np.arange(self.columns.start, self.columns.stop)
         return Entries.of_block(columns, columns, np.kron(tensor, np.eye(3)))
-
-    def spun_by_itself(self) -> Entries:
-        """Return the rates of its axes in a turn about the one about which its inertia is the same."""
-        sizes, axes = np.linalg.eigh(self.inertia)
-        even = np.diff(sizes) <= _SYMMETRIC * sizes[-1]
-        if even[0] == even[1]:
-            return NOTHING
-        factors = np.zeros((4, 4))
-        factors[1:, 1:] = -skew(axes[:, 2 if even[0] else 0])
-        return self.mixed(factors)
 
     def forces(self, n: int) -> Iterator[ForcePart]:
         """Yield the weight."""

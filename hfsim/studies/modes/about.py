@@ -25,6 +25,7 @@ from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.nearby import nearby
 from hfsim.scene.resting import turning_with
+from hfsim.scene.rules import welded
 
 STATES = ("start", "equilibrium", "steady")
 """States that can be asked for, beside that of a run at a time."""
@@ -246,7 +247,7 @@ def _checked(state: str, at: float | None) -> None:
 
 
 def seen_from(start: About, body: str) -> About:
-    """Return a start as seen from axes that turn with one body.
+    """Return a start as seen from axes that turn with one body, or at rest where nothing but rotors turns.
 
     Raises
     ------
@@ -256,6 +257,9 @@ def seen_from(start: About, body: str) -> About:
     scene = start.scene
     if body not in scene.bodies:
         raise ModesError(f"there is no body '{body}': {', '.join(scene.bodies)}")
+    at = start.turning
+    if at is not None and not start.axes_turn and np.isclose(abs(at.own.get(body, 0.0)), at.rate):
+        return start
     turning: Turning | None = turning_with(scene, body)
     if turning is not None and not turning.rate:
         bodies = list(scene.bodies.values())
@@ -384,4 +388,7 @@ def linearised(scene: Scene, q: Array, v: Array, state: str, t: float = 0.0) -> 
 
 def _turning(scene: Scene, t: float, at: SmallMotions, alone: bool = False) -> Turning | None:
     bodies, equations = list(scene.bodies.values()), scene.system.equations
-    return Turning.fitting(bodies, equations, t, at.x, at.u, at.a, at.blur, alone)
+    specs, models = scene.deck.bodies, scene.models
+    rigid = [one.name for one in bodies if specs[one.name].rigid or models.get(one.name) == "rigid"]
+    sets = welded(scene.deck, [one for one in rigid if not scene.bodies[one].still])
+    return Turning.fitting(bodies, equations, t, at.x, at.u, at.a, at.blur, alone, sets)
