@@ -27,8 +27,6 @@ _TEXT = (
     Column("kind"),
     Column("moves", "mostly"),
 )
-FREE = ("rigid", "drift")
-"""Kinds of modes that nothing brings back."""
 _MOST_TOLD = 6
 _STILL = 1e-9
 """Speed over the size [1/s] that is none."""
@@ -75,7 +73,7 @@ def state_warnings(found: Modes) -> Iterator[str]:
             "square by mass); modes are those of the moment: --about equilibrium, or steady, looks for a "
             "state that lasts"
         )
-    free = [mode.change.real for mode in found.modes if mode.kind in FREE]
+    free = [mode.change.real for mode in found.modes if mode.free]
     if found.about.state == "equilibrium" and free:
         from hfsim.scene.equilibrium import one_of_many
 
@@ -95,7 +93,7 @@ def _verdict(found: Modes) -> Iterator[str]:
         yield f"unstable: mode {mode.number}, {mode.kind}: it {how}, by exp({mode.growth:.4g} t)"
     if len(found.unstable) > _MOST_TOLD:
         yield f"and {plural(len(found.unstable) - _MOST_TOLD, 'more unstable mode')}"
-    free = [mode.number for mode in found.modes if mode.kind in FREE]
+    free = [mode.number for mode in found.modes if mode.free]
     if free:
         yield f"free: nothing brings back {plural(len(free), 'mode')} ({_listed(free)}), of frequency zero"
     if not found.unstable:

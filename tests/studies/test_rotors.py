@@ -187,6 +187,24 @@ def test_rates_without_a_steady_rotation_have_neither_frequencies_nor_crossings(
     assert "no steady rotation at 5, 12 rad/s: neither frequencies" in campbell_text(found, "")
 
 
+def test_shifts_and_tilts_of_everything_cross_nothing():
+    """Seen from axes that turn they go round at the rate: once a revolution, at every rate."""
+    text = """hfsim: 1
+gravity: [0, 0, 0]
+materials: {carbon: {density: 1600, youngs_modulus: 70 GPa, poisson_ratio: 0.3}}
+sections: {flat: {shape: rectangle, width: 0.6, height: 0.004}}
+bodies:
+  bus: {type: rigid, mass: 120, inertia: [12, 13, 15], points: {r: [0.5, 0, 0]}}
+  panel: {type: beam, material: carbon, section: flat, length: 1.0, elements: 2}
+joints: {clamp: {type: fixed, between: [bus.r, panel.root]}}
+initial: {steady: {body: bus, rate: 1}, bus: {angle: 0, position: [0, 0, 0]}}
+solve: {duration: 1}
+"""
+    found = hfsim.campbell(parse_deck(text), [0.02, 0.2, 1.0], count=8)
+    assert [track[0].kind for track in found.tracks].count("rigid") >= 3
+    assert not found.crossings
+
+
 TOWER = """hfsim: 1
 gravity: [0, 0, -9.81]
 materials: {steel: {density: 7850, youngs_modulus: 210 GPa, poisson_ratio: 0.3}}

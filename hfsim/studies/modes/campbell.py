@@ -285,7 +285,7 @@ def _crossings(every: Campbell, start: About) -> list[Crossing]:
     for number, track in enumerate(every.tracks, 1):
         for k, order in product(range(len(every.rates) - 1), (0, *ORDERS)):
             pair = track[k], track[k + 1]
-            if any(mode is None or not mode.value for mode in pair) or len(found) >= _MOST_CROSSINGS:
+            if any(mode is None or mode.free for mode in pair) or len(found) >= _MOST_CROSSINGS:
                 continue
             located = _located(every, start, number, order, k)
             if located is not None:

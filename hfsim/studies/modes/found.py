@@ -12,6 +12,7 @@ import numpy as np
 from hfsim.errors import ArgumentError
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.eigenpairs import Eigenpairs, eigenpairs
+from hfsim.maths.rotations import freedoms
 from hfsim.mechanics.turning import Turning
 from hfsim.studies.modes.about import EVEN, About, ModesError
 from hfsim.studies.modes.evenness import stays_even
@@ -25,15 +26,15 @@ KINDS = {
     "divergence": "unstable: goes away without swinging",
 }
 """What a motion can be."""
-UNSTABLE = ("flutter", "divergence")
+UNSTABLE, FREE = ("flutter", "divergence"), ("rigid", "drift")
 _STEP = 1e-6
 """Largest change of a coordinate with which shapes are taken, over the size of the scene."""
 _TURNS_ONLY = 1e-4
 """Largest displacement of outlines, where the largest change of a coordinate is one, that is none."""
 _RIGID = 1e-6
-"""Part of the energy of a motion that may be other than a shift of everything."""
+"""Part of the energy of a motion that may be other than one of everything."""
 _AT_RATE = 1e-6
-"""Part of the rate of axes by which a shift of everything may seem to turn at another."""
+"""Part of the rate of axes by which what everything does may seem to go round at another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +108,11 @@ class Mode:
     def unstable(self) -> bool:
         """Whether it grows."""
         return self.kind in UNSTABLE
+
+    @property
+    def free(self) -> bool:
+        """Whether nothing brings it back."""
+        return self.kind in FREE
 
     @property
     def turns_only(self) -> bool:
@@ -279,24 +285,22 @@ def _kind(state: About, value: complex, uncertainty: float, doubled: bool, chang
         return "decay"
     if state.turning is None or value.real:
         return "vibration"
-    # seen from axes that turn, what is shifted goes round at their rate
+    # seen from axes that turn, what is shifted or tilted goes round at their rate
     spin = float(np.linalg.norm(state.turning.spin))
     around = abs(value.imag - spin) <= _AT_RATE * spin + uncertainty
-    return "rigid" if around and _shifts_all(state, change) else "vibration"
+    return "rigid" if around and _moves_all(state, change) else "vibration"
 
 
-def _shifts_all(state: About, change: ComplexArray) -> bool:
-    """Tell whether everything is shifted as one."""
-    assert state.turning is not None
+def _moves_all(state: About, change: ComplexArray) -> bool:
+    """Tell whether everything is shifted and turned as one."""
     scene, x = state.scene, state.motions.x[None]
     bodies, n_dim = list(scene.bodies.values()), scene.deck.dimension
-    nothing, momentum = 0.0 * state.turning.spin, scene.system.equations.momentum
-    shifts = np.array(
-        [Turning.of(bodies, nothing, np.zeros(n_dim), velocity=one).travel for one in np.eye(n_dim)]
-    )
-    weighted = momentum(x, shifts)
-    own = np.linalg.lstsq(weighted @ shifts.T, weighted @ change, rcond=None)[0]
-    left = change - own @ shifts
+    twists = (np.split(one, [n_dim]) for one in np.eye(freedoms(n_dim)))
+    every = (Turning.of(bodies, spin, np.zeros(n_dim), velocity=velocity) for velocity, spin in twists)
+    rigid = np.array([one.rates(x)[0] for one in every])
+    weighted = scene.system.equations.momentum(x, rigid)
+    own = np.linalg.lstsq(weighted @ rigid.T, weighted @ change, rcond=None)[0]
+    left = change - own @ rigid
     return bool(_energy(state, left).sum() <= _RIGID * _energy(state, change).sum())
 
 
