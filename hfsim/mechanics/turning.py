@@ -101,6 +101,12 @@ class Turning:
         return cls(matrix, shift, travel, spin, centre, moving)
 
     @classmethod
+    def units(cls, bodies: Iterable[Body], n_dim: int) -> list[Turning]:
+        """Return shifts of everything along the axes of the ground, then turns about these."""
+        twists, each = (np.split(one, [n_dim]) for one in np.eye(freedoms(n_dim))), tuple(bodies)
+        return [cls.of(each, spin, np.zeros(n_dim), velocity=shift) for shift, spin in twists]
+
+    @classmethod
     def held_by_joints(cls, bodies: Sequence[Body], equations: Equations, x: Array) -> Turning | None:
         """Return the one rotation of everything, at 1 rad/s, that joints without drivers allow.
 
@@ -114,11 +120,7 @@ class Turning:
             None where they allow none, or several.
         """
         n_dim, reduction = bodies[0].n_dim, equations.reduction
-        units = np.eye(freedoms(n_dim))
-        origin, nothing = np.zeros(n_dim), 0.0 * units[0][n_dim:]
-        shifts = [cls.of(bodies, nothing, origin, velocity=one[:n_dim]) for one in units[:n_dim]]
-        spins = [cls.of(bodies, one[n_dim:], origin) for one in units[n_dim:]]
-        rates = np.array([one.rates(x[None])[0] for one in (*shifts, *spins)])
+        rates = np.array([one.rates(x[None])[0] for one in cls.units(bodies, n_dim)])
         undriven = np.ones(equations.n_rows, dtype=bool)
         for constraint, rows in zip(equations.constraints, equations.rows, strict=True):
             undriven[rows] = not constraint.driven

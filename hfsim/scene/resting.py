@@ -9,6 +9,9 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import dense, is_sparse
+from hfsim.maths.rotations import spun
+from hfsim.mechanics.statics.problem import Problem
+from hfsim.mechanics.statics.stability import neutral
 from hfsim.mechanics.turning import Turning
 from hfsim.scene.equilibrium import (
     Assembled,
@@ -23,6 +26,8 @@ from hfsim.scene.initial import AT_REST, STEADY
 
 FIRM, LOOSE = 1e-3, 1e-9
 """Weights of rates that are stated, and of those that follow from joints, whose own is one."""
+BALANCED = 1e-5
+"""Part of forces of inertia that may be left over in what floats."""
 MISSED = 1e-9
 """Part of the fastest rate by which joints may miss steady rotation."""
 
@@ -80,15 +85,24 @@ def _steady(scene: Assembled) -> Rest:
     """
     spec, turns = scene.deck.steady, Turns(scene)
     assert spec is not None
+    still = problem_of(scene, 0.0, turns, moving=True)
+    stated = scene.deck.motions.get(spec.body)
     turning = turning_with(scene, spec.body)
-    problem = replace(problem_of(scene, 0.0, turns, moving=True), turning=turning)
+    floats = _floats(scene, still, turning)
+    if floats and (stated is None or stated.velocity is None):
+        turning = _about_mass(scene, still.expand(still.start.z), turning)
+    problem = replace(still, turning=turning)
     found = equilibrium_of(scene, problem)
     path = f"initial.{STEADY}"
     if found.reason:
         why = why_not(scene, 0.0, found)
-        raise scene.loaded.problem(path, f"no steady rotation is found: {why}", "a lower rate")
+        remedy = "a lower rate" if found.limit is not None else why.remedy
+        raise scene.loaded.problem(path, f"no steady rotation is found: {why}", remedy)
     turns(1.0, found.state)
     x = problem.expand(found.state.z)
+    if floats and not _balanced(scene, x, turning):
+        told = "no steady rotation is found: beside the stiffness, what inertia does is rounding"
+        raise scene.loaded.problem(path, told, "a higher rate, or a start nearer to it")
     u = turning.rates(x)
     drift = scene.system.unreduced.phi.drift(np.zeros(1), x, u)
     if np.abs(drift).max(initial=0.0) > MISSED * np.abs(u).max(initial=0.0):
@@ -105,6 +119,31 @@ def turning_with(scene: Assembled, body: str) -> Turning:
     centre = origin + arm / max(float(w @ w), 1e-300)
     sparse = is_sparse(scene.system.equations.constant_mass)
     return Turning.of(scene.bodies.values(), w, centre, sparse)
+
+
+def _floats(scene: Assembled, problem: Problem, turning: Turning) -> bool:
+    """Tell whether nothing holds the scene at a place."""
+    n_dim = len(turning.centre)
+    shifts = np.array([one.travel for one in Turning.units(scene.bodies.values(), n_dim)[:n_dim]])
+    return len(neutral(problem, problem.begin(), 0.0, shifts)) == n_dim
+
+
+def _about_mass(scene: Assembled, x: Array, turning: Turning) -> Turning:
+    """Return the rotation about the centre of mass in coordinates (1, n_x)."""
+    bodies, n_dim = scene.bodies.values(), len(turning.centre)
+    shifts = Turning.units(bodies, n_dim)[:n_dim]
+    own = Turning.of(bodies, turning.spin, 0.0 * turning.centre).rates(x)[0]
+    momenta = scene.system.equations.momentum(x, np.array([one.travel for one in shifts]))
+    velocity = momenta @ own / (momenta[0] @ shifts[0].travel)
+    centre = -spun(turning.spin, velocity) / max(float(turning.spin @ turning.spin), 1e-300)
+    return Turning.of(bodies, turning.spin, centre, is_sparse(turning.matrix))
+
+
+def _balanced(scene: Assembled, x: Array, turning: Turning) -> bool:
+    """Tell whether forces of inertia balance one another, as they have to in what floats."""
+    rates = np.array([one.rates(x)[0] for one in Turning.units(scene.bodies.values(), len(turning.centre))])
+    force = scene.system.equations.momentum(x, turning.accelerations(x))[0]
+    return bool(np.all(np.abs(rates @ force) <= BALANCED * (np.abs(rates) @ np.abs(force))))
 
 
 def _begun(scene: Assembled, turns: Turns, x: Array, u: Array, told: tuple[str, ...]) -> Rest:

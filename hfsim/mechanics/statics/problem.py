@@ -18,6 +18,9 @@ from hfsim.mechanics.statics.gauge import Gauge
 from hfsim.mechanics.system import System
 from hfsim.mechanics.turning import Turning
 
+SLIGHT, FAINT = 1e-2, 1e-15
+"""Of what holds: the most beside the square of a rate, and the least beside the stiffest of all."""
+
 
 class Weighted(NamedTuple):
     """A force with a factor that grows with the load factor s: fixed + growing s.
@@ -246,7 +249,10 @@ class Problem:
         if not self.hold:
             return found
         stiffest = (np.abs(found.stiffness.diagonal()) / self.metric.diagonal()).max(initial=0.0) or 1.0
-        return found._replace(stiffness=found.stiffness + self.hold * stiffest * self.metric)
+        # what inertia alone brings back, or leads away, is not to feel it
+        slight = SLIGHT * load * self.turning.rate**2 if self.turning is not None else 0.0
+        held = slight if FAINT * stiffest < slight < self.hold * stiffest else self.hold * stiffest
+        return found._replace(stiffness=found.stiffness + held * self.metric)
 
     @cached_property
     def metric(self) -> Matrix:

@@ -12,7 +12,6 @@ import numpy as np
 from hfsim.errors import ArgumentError
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.eigenpairs import Eigenpairs, eigenpairs
-from hfsim.maths.rotations import freedoms
 from hfsim.mechanics.turning import Turning
 from hfsim.studies.modes.about import EVEN, About, ModesError
 from hfsim.studies.modes.evenness import stays_even
@@ -295,9 +294,7 @@ def _moves_all(state: About, change: ComplexArray) -> bool:
     """Tell whether everything is shifted and turned as one."""
     scene, x = state.scene, state.motions.x[None]
     bodies, n_dim = list(scene.bodies.values()), scene.deck.dimension
-    twists = (np.split(one, [n_dim]) for one in np.eye(freedoms(n_dim)))
-    every = (Turning.of(bodies, spin, np.zeros(n_dim), velocity=velocity) for velocity, spin in twists)
-    rigid = np.array([one.rates(x)[0] for one in every])
+    rigid = np.array([one.rates(x)[0] for one in Turning.units(bodies, n_dim)])
     weighted = scene.system.equations.momentum(x, rigid)
     own = np.linalg.lstsq(weighted @ rigid.T, weighted @ change, rcond=None)[0]
     left = change - own @ rigid
