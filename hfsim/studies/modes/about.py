@@ -282,11 +282,16 @@ def turning_about(start: About) -> About:
     bodies, equations = list(start.scene.bodies.values()), start.scene.system.equations
     turning = Turning.held_by_joints(bodies, equations, start.motions.x)
     if turning is None:
-        raise ModesError(
-            "nothing turns as a whole at the start, nor do the joints leave one axis: give bodies rates with "
-            "initial, such as angular_velocity, or tell with --spin-body which one"
-        )
+        raise _no_one_axis(start, "say with --spin-body NAME about whose axis")
     return replace(start, motions=replace(start.motions, turning=turning))
+
+
+def _no_one_axis(start: About, remedy: str) -> ModesError:
+    """Return what keeps a start from telling an axis: bodies that move each by itself, or none that does."""
+    if start.motions.u.any():
+        return ModesError(f"bodies turn differently at the start, or none does, though they move: {remedy}")
+    told = "give bodies rates with initial, such as angular_velocity"
+    return ModesError(f"nothing turns at the start: {told}, or {remedy}")
 
 
 def _resting(start: About) -> About:
@@ -317,9 +322,7 @@ def turning_at(start: About, rate: float | None) -> About:
     """
     turning = start.turning
     if turning is None:
-        raise ModesError(
-            "nothing turns as a whole at the start: give bodies rates with initial, such as angular_velocity"
-        )
+        raise _no_one_axis(start, "--spin RATES with --spin-body NAME looks about the axis of one")
     return _settled(start, turning if rate is None else turning.at_rate(rate), "steady")
 
 
