@@ -367,6 +367,8 @@ def test_a_body_in_space_is_free_about_the_line_it_hangs_by():
     assert len(found.neutral) == 1
     spin = rigid_motions(scene, x)[5] @ scene.system.equations.constant_mass
     assert abs(found.neutral[0] @ spin) > 0.1
+    # m g l / (I + m l^2) of a flat one, whose normal has no mass
+    assert found.values == pytest.approx([147.15 / 15.234375] * 2, rel=1e-12)
 
 
 def test_a_model_without_stiffening_says_why_it_finds_no_rest():

@@ -72,7 +72,7 @@ def mass_at(problem: Problem, state: State) -> Matrix:
     """Return the mass matrix of the free coordinates, (n, n), with an inverse on all that joints allow."""
     system = problem.system
     if not system.variable_mass:
-        return system.reduction.reduced(problem.gauge.metric)
+        return system.equations.free_mass
     return system.reduction.reduced(system.equations.mass(problem.expand(state.z))[0])
 
 
