@@ -21,8 +21,6 @@ SMALL = 200
 _EQUILIBRATIONS = 4
 _SAME = 1e-9
 """Skewness that is rounding."""
-_NONE = 1e-9
-"""Squares of frequencies, over what the largest entries make, that are none."""
 
 Solve = Callable[[Array], Array]
 
@@ -95,12 +93,10 @@ class Pencil:
     def fastest(self) -> float:
         """The size of the squares of the fastest frequencies, roughly."""
         stiff, heavy = (np.abs(one.diagonal()) for one in (self.stiffness, self.mass))
-        there = heavy > 0.0
-        if not there.any():
-            return 1.0
         # what is stiff may be a coordinate that has no mass but moves others that have, as the axis of a disc
-        found, other = float((stiff[there] / heavy[there]).max()), float(stiff.max() / heavy.max())
-        return (found if found > _NONE * other else other) or 1.0
+        J = self.matrices[3]
+        moved = (J**2).T @ _inverse(J**2 @ _inverse(heavy))
+        return float((stiff * _inverse(np.where(heavy > 0.0, heavy, moved))).max()) or 1.0
 
     @property
     def whirling(self) -> float:
@@ -190,3 +186,8 @@ def _equilibrating(matrix: Array) -> Array:
         rows = np.abs(matrix * np.outer(scale, scale)).max(axis=1, initial=0.0)
         scale /= np.sqrt(np.where(rows > 0.0, rows, 1.0))
     return scale
+
+
+def _inverse(values: Array) -> Array:
+    """Return 1 / values (n,), and zero where these are."""
+    return np.divide(1.0, values, out=np.zeros_like(values), where=values > 0.0)

@@ -929,3 +929,22 @@ def test_equal_motions_that_are_critically_damped_all_come_back(count):
     assert len(found.values) == 2 * count
     assert found.values == pytest.approx(np.full(2 * count, -3.7), abs=1e-6)
     assert not found.doubled.any() and (found.uncertainty < 1e-6).all()
+
+
+STEM = """hfsim: 1
+gravity: [0, 0, -9.81]
+bodies:
+  disc: {{type: rigid, mass: {mass}, inertia: [{half}, {half}, {whole}], points: {{top: [0, 0, {stem}]}}}}
+joints: {{ball: {{type: spherical, between: [ground, disc.top]}}}}
+solve: {{duration: 0.1}}
+"""
+
+
+@pytest.mark.parametrize("size", [1e-5, 1e-3, 1.0, 1e3])
+def test_flat_bodies_of_any_size_swing(size):
+    """Only the normal is stiff, which has no mass: its stiffness over masses elsewhere goes with the unit."""
+    whole = 0.3 * size**5
+    own = {"mass": 15.0 * size**3, "half": 0.5 * whole, "whole": whole, "stem": size}
+    found = hfsim.modes(parse_deck(STEM.format(**own)))
+    assert [mode.kind for mode in found] == ["rigid", "vibration", "vibration"]
+    assert circular(found) == pytest.approx([np.sqrt(15.0 * 9.81 / 15.15 / size)] * 2, rel=1e-9)
