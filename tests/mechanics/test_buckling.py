@@ -538,3 +538,20 @@ def test_an_arch_that_snaps_gives_way_before():
     assert found.statistics["limit"] == pytest.approx(0.242, rel=0.01)
     assert found.statistics["unstable_from"] == pytest.approx(0.21895, rel=0.01)
     assert any("are not stable" in one for one in found.statistics["warnings"])
+
+
+STRETCHED = """hfsim: 1
+sections:
+  bar: {mass_per_length: 100, rotary_inertia: 10, axial_stiffness: 4.8e8, shear_stiffness: 3.231e8,
+        bending_stiffness: 9.346e6}
+bodies: {b: {type: beam, element: cosserat, section: bar, length: 5.0, elements: 4, degree: 7}}
+joints: {clamp: {type: fixed, between: [ground, b.root]}}
+loads: {push: {type: force, at: b.tip, force: [0.0, 6.0e5]}}
+solve: {duration: 1.0}
+"""
+
+
+def test_a_path_that_ends_far_beyond_the_loads_has_no_critical_one():
+    """The beam is twice as long there, and corrections from before the end lead to other paths."""
+    run = hfsim.static(parse_deck(STRETCHED), buckling=1)
+    assert run.statistics["critical"] == [] and "--path" in run.statistics["critical_reason"]

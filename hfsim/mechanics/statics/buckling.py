@@ -201,12 +201,16 @@ def _crossed(problem: Problem, state: State, effort: Effort, count: int) -> Iter
     step = MOVE / max(problem.moved(_answered(problem, state)), 1e-300)
     shortest = SHORTEST * step
     for _ in range(FOLLOWED):
-        level = Level(load + step)
+        ends, located = (load, load + step), list[Factor]()
         try:
-            first = correction(problem, state, level)
-            there = balanced(problem, state, level, effort, first)
-            problem.note(load + step, there)
+            first = correction(problem, state, Level(ends[1]))
+            there = balanced(problem, state, Level(ends[1]), effort, first)
+            problem.note(ends[1], there)
             led = follows(problem, there.z - state.z, first[0], False)
+            now = _unstable(problem, there, ends[1]) if led else unstable
+            # a long step may end on another path
+            led = led and (now <= unstable or step <= AHEAD * ends[1])
+            located += (_located(problem, state, ends, k, effort) for k in range(unstable, now) if led)
         except (NotFoundError, np.linalg.LinAlgError):
             led = False
         if not led:
@@ -214,13 +218,11 @@ def _crossed(problem: Problem, state: State, effort: Effort, count: int) -> Iter
             if step < shortest:
                 break
             continue
-        now = _unstable(problem, there, load + step)
-        for number in range(unstable, now):
-            found += 1
-            yield _located(problem, state, (load, load + step), number, effort)
+        yield from located
+        found += len(located)
         if found >= count:
             return
-        state, load, unstable = there, load + step, now
+        state, load, unstable = there, ends[1], now
         step *= min(2.0, 0.9 * MOVE / problem.moved(first[0]))
     if not found:
         told = f"nothing gives way up to a factor of {load:.4g}: --path follows it further"
@@ -230,14 +232,23 @@ def _crossed(problem: Problem, state: State, effort: Effort, count: int) -> Iter
 def _located(
     problem: Problem, state: State, between: tuple[float, float], number: int, effort: Effort
 ) -> Factor:
-    """Return the factor, next to a state, at which one of the smallest stiffnesses changes its sign."""
+    """Return the factor, next to a state, at which one of the smallest stiffnesses changes its sign.
+
+    Raises
+    ------
+    NotFoundError
+        If none does so.
+    """
     from scipy.optimize import brentq
 
     def smallest(load: float) -> tuple[float, Array]:
         values, motions = lowest(problem, balanced(problem, state, Level(load), effort), load)
         return float(values[number]), motions[number]
 
-    load = brentq(lambda load: smallest(load)[0], *between, xtol=SAME * between[1])
+    try:
+        load = brentq(lambda load: smallest(load)[0], *between, xtol=SAME * between[1])
+    except ValueError as error:  # beyond a limit point corrections end anywhere
+        raise NotFoundError(str(error), state) from None
     return Factor(float(load), True, smallest(load)[1])
 
 
