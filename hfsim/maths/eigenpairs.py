@@ -20,9 +20,11 @@ _CERTAIN = 3.0
 """Factor on what rounding does to a square of a frequency that is told."""
 _TOGETHER = 1e-5
 """Distance of eigenvalues, over their size, at which they may be one with several shapes that are alike."""
-_SLIGHT = 1e-4
-"""Real part, over the size of an eigenvalue, below which it is asked whether it is rounding."""
+_FAR = 1e-2
+"""Change of an eigenvalue, over its size, beyond which it would be another one."""
 
+_BESIDE, _ROUNDS = 1e-7, 6
+"""Distance from an eigenvalue, over its size, at which its vectors are improved, and how often."""
 _NEAR, _ASIDE, _TRIES = 1e-2, 1.3, 5
 """Distance of an eigenvalue from the shift, over this, at which the others are lost in rounding; factor on
 the shift then, and how often."""
@@ -38,7 +40,8 @@ class Eigenpairs:
         [1/s]; of conjugate pairs those with positive imaginary parts.
     vectors : ndarray of complex, shape (n, k)
     uncertainty : ndarray, shape (k,)
-        What errors of the matrices do to them [1/s]; those no larger are zero, and so are real parts.
+        What errors of the matrices do to them, or what a search leaves where that is more [1/s]; those no
+        larger are zero, and so are real parts.
     doubled : ndarray of bool, shape (k,)
         Whether a motion that nothing brings back goes on by itself, too: the eigenvalue zero counts twice.
     complete : bool or None
@@ -237,26 +240,44 @@ def _surely(pencil: Pencil, found: Eigenpairs, count: int) -> Eigenpairs:
 
 
 def _corrected(pencil: Pencil, value: complex, vector: ComplexArray) -> tuple[complex, float]:
-    """Return an eigenvalue by both its vectors, and what errors of the matrices do to it [1/s]."""
+    """Return an eigenvalue by both its vectors, and what errors of the matrices do to it [1/s].
+
+    Vectors are improved where they move it by more than that, until it stands.
+    """
     M, V, K, _ = pencil.matrices
-    near = value * (1.0 + 1e-7)
     turned = replace(pencil, mass=M.T, velocity=V.T, stiffness=K.T)
-    try:
-        solve = turned.at(near)
-        left = (M @ vector).conj()
-        for _ in range(2):
-            left = solve(left)
-            left = left / np.abs(left).max()
-    except np.linalg.LinAlgError:
-        return value, abs(value)
-    size, other, rate = np.abs(vector), np.abs(left), abs(value)
+    left, before = (M @ vector).conj(), np.inf
+    for improved in range(_ROUNDS):
+        near, slope = value * (1.0 + _BESIDE), 2.0 * value * M + V
+        try:
+            left = _unit(turned.at(near)(slope.T @ left))
+            change, error = _change(pencil, value, left, vector)
+            if abs(change) <= error:
+                return value - change, error
+            if improved and abs(change) > min(0.5 * before, _FAR * abs(value)):
+                break
+            if improved:
+                value, before = value - change, abs(change)
+            vector = _unit(pencil.at(near)(slope @ vector))
+        except np.linalg.LinAlgError:
+            return value, abs(value)
+    return value, max(error, min(abs(change), before))
+
+
+def _unit(vector: Array) -> ComplexArray:
+    return np.asarray(vector / np.abs(vector).max(), dtype=complex)
+
+
+def _change(pencil: Pencil, value: complex, left: ComplexArray, right: ComplexArray) -> tuple[complex, float]:
+    """Return what vectors take off an eigenvalue, and what errors of the matrices do to it [1/s]."""
+    M, V, K, _ = pencil.matrices
+    size, other, rate = np.abs(right), np.abs(left), abs(value)
     errors = other @ (abs(K) @ size + rate * (abs(V) @ size) + rate**2 * (abs(M) @ size))
-    slope, bend = left @ (2.0 * value * (M @ vector) + V @ vector), abs(left @ (M @ vector))
+    slope, bend = left @ (2.0 * value * (M @ right) + V @ right), abs(left @ (M @ right))
     bound = _CERTAIN * pencil.precision * errors
     if not abs(slope) + bend > 0.0:
-        return value, rate
+        return 0.0, rate
     # of two that are one, errors of the matrices do as much as their root
     error = 2.0 * bound / (abs(slope) + np.sqrt(abs(slope) ** 2 + 4.0 * bend * bound))
-    gap = left @ (K @ vector + value * (V @ vector) + value**2 * (M @ vector))
-    near = abs(gap) <= _SLIGHT * rate * abs(slope)
-    return complex(value - gap / slope if near and slope else value), float(error)
+    gap = left @ (K @ right + value * (V @ right) + value**2 * (M @ right))
+    return complex(gap / slope) if slope else 0.0, float(error)

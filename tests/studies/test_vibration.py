@@ -13,7 +13,7 @@ from scipy.special import jn_zeros
 
 import hfsim
 from hfsim.cli import app
-from hfsim.maths.eigenpairs import eigenpairs
+from hfsim.maths.eigenpairs import _corrected, eigenpairs
 from hfsim.maths.pencils import Pencil
 from hfsim.output.modes import state_warnings
 from hfsim.scene.loading import parse_deck
@@ -948,3 +948,33 @@ def test_flat_bodies_of_any_size_swing(size):
     found = hfsim.modes(parse_deck(STEM.format(**own)))
     assert [mode.kind for mode in found] == ["rigid", "vibration", "vibration"]
     assert circular(found) == pytest.approx([np.sqrt(15.0 * 9.81 / 15.15 / size)] * 2, rel=1e-9)
+
+
+PLATE = """hfsim: 1
+bodies: {plate: {type: rigid, mass: 1.0, inertia: [1.0, 1.0, 2.0]}}
+initial: {plate: {angular_velocity: [30.0, 0.0, 40.0]}}
+solve: {duration: 1.0}
+"""
+
+
+def test_motions_of_one_frequency_are_not_corrected_by_each_other():
+    """A free plate turns about its axis and drifts at the rate of the axes that it is seen from."""
+    found = hfsim.modes(parse_deck(PLATE))
+    told = np.array([mode.uncertainty for mode in found])
+    rate = np.hypot(30.0, 80.0)
+    assert not found.unstable and np.all(told < 1e-5 * rate)
+    values = np.array([mode.value for mode in found])
+    assert np.all(np.abs(values - 1j * np.array([0, 0, 0, rate, rate, rate])) <= told)
+
+
+@pytest.mark.parametrize("off", [1e-7, 3e-4, 3e-3])
+def test_what_a_search_far_away_tells_roughly_is_improved_until_it_stands(off):
+    """What is a million times as fast as the shift keeps few digits, and was told to grow."""
+    rng = np.random.default_rng(3)
+    mixed = rng.standard_normal((6, 6)) + 4.0 * np.eye(6)
+    rates, ratios = np.array([1.0, 3.0, 1e5, 2.9e6, 3.1e6, 3.4e6]), 1e-4
+    M, V, K = (mixed.T @ np.diag(one) @ mixed for one in (np.ones(6), 2.0 * ratios * rates, rates**2))
+    exact = rates[4] * (-ratios + 1j * np.sqrt(1.0 - ratios**2))
+    rough = np.linalg.inv(mixed)[:, 4] + off * rng.standard_normal(6)
+    value, error = _corrected(Pencil(M, V, K, np.zeros((0, 6))), exact * (1.0 + off * (1.0 - 0.3j)), rough)
+    assert abs(value - exact) <= error < 1e-8 * abs(exact)
