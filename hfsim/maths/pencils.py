@@ -180,12 +180,15 @@ class Pencil:
 
 
 def _equilibrating(matrix: Array) -> Array:
-    """Return scales (n,) with which a matrix has entries of size one in all rows and columns."""
-    scale = np.ones(len(matrix))
+    """Return scales (n,) with which a matrix has entries of size one in all rows and columns.
+
+    They begin with what makes the diagonal one, so that no unit counts: there are many such scales.
+    """
+    scale = np.sqrt(_inverse(np.abs(matrix.diagonal())))
     for _ in range(_EQUILIBRATIONS):
-        rows = np.abs(matrix * np.outer(scale, scale)).max(axis=1, initial=0.0)
-        scale /= np.sqrt(np.where(rows > 0.0, rows, 1.0))
-    return scale
+        rows = _inverse(np.abs(matrix * scale).max(axis=1, initial=0.0))
+        scale = np.where(scale > 0.0, np.sqrt(scale * rows), rows)
+    return np.where(scale > 0.0, scale, 1.0)
 
 
 def _inverse(values: Array) -> Array:

@@ -739,3 +739,23 @@ solve: {duration: 1.0}
 """)
     found = hfsim.static(deck)
     assert found.status == "done" and not any("snaps" in warning for warning in found.statistics["warnings"])
+
+
+WIRE = """hfsim: 1
+materials: {{steel: {{density: 7850.0, youngs_modulus: 2.1e11, poisson_ratio: 0.3}}}}
+sections: {{wire: {{shape: circle, diameter: {diameter}}}}}
+bodies: {{b: {{type: beam, material: steel, section: wire, length: {length}, elements: 4, degree: 4}}}}
+joints: {{clamp: {{type: fixed, between: [ground, b.root]}}}}
+loads: {{push: {{type: force, at: b.tip, force: [0, 0, {force}]}}}}
+solve: {{duration: 1.0}}
+"""
+
+
+@pytest.mark.parametrize("length", [1e-5, 1e-3, 1.0, 1e3])
+def test_wires_of_any_length_are_as_stiff_as_euler_says(length):
+    """Ten thousand times as long as thick: stretch over bending stiffness is 1.6e9 in any unit."""
+    diameter, root = 1e-4 * length, 1.875104068711961
+    deck = WIRE.format(length=length, diameter=diameter, force=3e-10 * length**2)
+    found = search(build(parse_deck(deck)))
+    expected = root**4 * 2.1e11 * diameter**2 / 16.0 / 7850.0 / length**4
+    assert found.stable and found.values[:2] == pytest.approx([expected] * 2, rel=1e-4)
