@@ -55,8 +55,8 @@ class Subset(Constraint):
 
     @property
     def constant(self) -> bool:
-        """As the whole."""
-        return self.whole.constant
+        """As the whole, and where none are kept."""
+        return not self.kept or self.whole.constant
 
     @property
     def products(self) -> tuple[Product, ...]:

@@ -30,6 +30,7 @@ from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Frame, Linkage, Sense
 from hfsim.scene.facing import Facings
 from hfsim.scene.freedom import FreeMotion, free_motions, slips
+from hfsim.scene.gauging import gauge_of
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.memory import refuse_too_large
 from hfsim.scene.redundancy import Redundancy, redundancy
@@ -224,16 +225,17 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
     elif left_out.fires("standing_drivers"):
         joints, constraints = _joints(deck, bodies, left_out)
     system = _system(deck, bodies, constraints, left_out, x, angles)
-    found = redundancy(loaded, system, joints, x)
-    if found.left_out:
-        system = system.without(found.left_out)
     near = np.zeros((1, system.n_x))
     for body in bodies.values() if system.charts else ():
         if body.angle_column is not None:
             near[0, body.angle_column] = angles[body.name]
     q, v = system.state(x[None], u[None], system.reduction.free_rates(near))
+    args = loaded, name, named, system, bodies, joints, q[0], v[0], angles, left_out, start, Redundancy()
+    scene = Scene(*args)
+    found = redundancy(loaded, system, joints, x, gauge_of(scene))
+    system = system.without(found.left_out) if found.left_out else system
     q, v = system.project(np.zeros(1), q, v)
-    scene = Scene(loaded, name, named, system, bodies, joints, q[0], v[0], angles, left_out, start, found)
+    scene = replace(scene, system=system, q=q[0], v=v[0], redundancy=found)
     if not deck.resting and deck.steady is None:
         return scene
     from hfsim.scene.resting import at_rest

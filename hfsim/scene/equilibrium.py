@@ -2,36 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from hfsim.deck.laws import Law
 from hfsim.errors import SolverFailure
-from hfsim.maths.arrays import Array, IntArray
-from hfsim.maths.matrices import is_sparse
+from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import wrap
-from hfsim.mechanics.body import Body, VectorBody
 from hfsim.mechanics.force import ConstantForce, ForcePart
-from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.point_loads import Load
 from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.resistances import Control, Push
 from hfsim.mechanics.statics.closing import Closing
 from hfsim.mechanics.statics.equilibrium import Equilibrium, Search
-from hfsim.mechanics.statics.gauge import Gauge
 from hfsim.mechanics.statics.newton import NotFoundError
 from hfsim.mechanics.statics.problem import Problem, State, Watch, Weighted
 from hfsim.mechanics.statics.relaxation import ENDLESS
 from hfsim.mechanics.system import System
 from hfsim.mechanics.ties import Tie
 from hfsim.parts.bodies.models import MODELS
-from hfsim.scene.assembly import Assembly
-from hfsim.scene.freedom import FreeMotion
-from hfsim.scene.loading import LoadedDeck
-from hfsim.scene.schema import Deck
+from hfsim.scene.gauging import Assembled, gauge_of
 
 FELT = 1e-3
 """Part of the fastest rate that counts as motion of a body."""
@@ -60,53 +53,6 @@ class StandingLaw(Law):
 
     def _derivative(self, t: Array, order: int) -> Array:
         return self.law.value(t) if order == 0 else np.zeros_like(t)
-
-
-class Assembled(Protocol):
-    """What an equilibrium needs of a scene; see `hfsim.scene.build.Scene`."""
-
-    @property
-    def loaded(self) -> LoadedDeck:
-        """The deck with its places."""
-
-    @property
-    def deck(self) -> Deck:
-        """The deck."""
-
-    @property
-    def system(self) -> System:
-        """The equations."""
-
-    @property
-    def bodies(self) -> Mapping[str, Body]:
-        """Bodies by their names."""
-
-    @property
-    def models(self) -> Mapping[str, str]:
-        """Model of each beam."""
-
-    @property
-    def q(self) -> Array:
-        """State at the start, (n,)."""
-
-    @property
-    def start_angles(self) -> Mapping[str, float]:
-        """Angles of body frames there [rad]."""
-
-    @property
-    def assembly(self) -> Assembly:
-        """How the bodies were put together."""
-
-    @property
-    def rigid_inertia(self) -> Array:
-        """Mass matrices of the bodies taken as rigid, (n_bodies, k, k)."""
-
-    @property
-    def free_motions(self) -> Sequence[FreeMotion] | None:
-        """What the joints leave free."""
-
-    def marker(self, point: str) -> Marker:
-        """Return the marker of a point."""
 
 
 class Turns:
@@ -172,7 +118,8 @@ def problem_of(
     forces = list(_weighted(scene, varied, moving))
     if not system.variable_mass:
         forces = [one._replace(part=one.part.in_strains()) for one in forces]
-    if (closing := Closing.of(system, np.array([t]), x)) is not None:
+    gauge = gauge_of(scene)
+    if (closing := Closing.of(system, np.array([t]), x, gauge.unit)) is not None:
         forces.append(Weighted(closing, 1.0, 0.0))
 
     def kept(load: float, state: State) -> None:
@@ -181,7 +128,7 @@ def problem_of(
         if watch is not None:
             watch(load, state)
 
-    return Problem.of(system, t, z, forces, gauge_of(scene), kept)
+    return Problem.of(system, t, z, forces, gauge, kept)
 
 
 def equilibrium_of(
@@ -265,44 +212,6 @@ def loads_of(scene: Assembled) -> list[str]:
 
 
 # --- bodies ---------------------------------------------------------------------------------------
-
-
-def gauge_of(scene: Assembled) -> Gauge:
-    """Return by what changes of a scene are measured."""
-    system, x = scene.system, scene.system.absolute(scene.q[None])
-    equations, n_dim = system.equations, scene.deck.dimension
-    if system.variable_mass:
-        metric = equations.mass(x)[0]
-    else:
-        metric = equations.constant_mass
-        metric = metric if equations.ballast is None else metric + equations.ballast
-    bodies = [(k, body) for k, body in enumerate(scene.bodies.values()) if not body.still]
-    outlines = [body.extent(x)[0] for body in scene.bodies.values()]
-    every = np.concatenate([*outlines, *(np.array([p]) for p in scene.deck.ground.points.values())])
-    whole = float(np.ptp(every, axis=0).max()) or 1.0
-    sizes = []
-    for k, _ in bodies:
-        masses = np.diag(scene.rigid_inertia[k])
-        own = max(float(np.ptp(outlines[k], axis=0).max()), 1e-2 * whole)
-        sizes.append(masses[n_dim:].max() + masses[:n_dim].max() * own**2)
-    starts = np.array([body.columns.start for _, body in bodies])
-    axes: list[IntArray] = [np.zeros((0, 3), dtype=np.intp)]
-    axes += [one.axes.reshape(-1, 3) for _, body in bodies if (one := body.carried()) is not None]
-    turning = np.zeros(system.n_x)
-    for _, body in bodies:
-        columns = _directions(body)
-        turning[columns] = 1.0 / max(1, len(columns))
-    metric = metric.tocsr() if is_sparse(metric) else metric
-    return Gauge(metric, starts, np.array(sizes), np.concatenate(axes), turning)
-
-
-def _directions(body: Body) -> IntArray:
-    """Return the coordinates of vectors that turn with a body, (n_directions, n_dim)."""
-    if isinstance(body, VectorBody):
-        columns = np.arange(body.columns.start, body.columns.stop).reshape(-1, body.n_dim)
-        return np.asarray(columns[body.positions == 0.0])
-    own = body.carried()
-    return np.zeros((0, 3), dtype=np.intp) if own is None else own.axes.reshape(-1, 3)
 
 
 def rigid_motions(scene: Assembled, x: Array, bodies: Collection[str] | None = None) -> Array:

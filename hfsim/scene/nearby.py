@@ -10,7 +10,8 @@ from hfsim.maths.arrays import Array
 from hfsim.mechanics.statics.equilibrium import HOLD
 from hfsim.mechanics.statics.newton import Effort, stepped
 from hfsim.mechanics.turning import Turning
-from hfsim.scene.equilibrium import Assembled, problem_of
+from hfsim.scene.equilibrium import problem_of
+from hfsim.scene.gauging import Assembled
 
 
 def nearby(scene: Assembled, t: float, x: Array, turning: Turning) -> Array | None:

@@ -18,14 +18,15 @@ import numpy as np
 
 from hfsim.errors import DeckError
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.maths.matrices import dense
+from hfsim.maths.matrices import Matrix, dense
 from hfsim.maths.rank import LOST, dependence
 from hfsim.mechanics.equations import Equations
+from hfsim.mechanics.statics.gauge import Gauge
 from hfsim.mechanics.system import System
 from hfsim.scene.loading import LoadedDeck
 
 STEP = 0.2
-"""Largest change of a coordinate in a step of the motion that is tried [m, or - of axes]."""
+"""Largest change of a coordinate in a step of the motion that is tried, over its unit in the gauge."""
 MOST_STEPS, EFFORT = 100, 1.2e6
 """Steps at most, and products of rows and coordinates of all of them."""
 ROUND = 10
@@ -77,7 +78,7 @@ class Redundancy(NamedTuple):
 
 
 def redundancy(
-    loaded: LoadedDeck, system: System, joints: dict[str, tuple[int, ...]], x: Array
+    loaded: LoadedDeck, system: System, joints: dict[str, tuple[int, ...]], x: Array, gauge: Gauge
 ) -> Redundancy:
     """Return which joint equations are superfluous at the start, coordinates (n_x,), of a scene.
 
@@ -88,17 +89,17 @@ def redundancy(
         anything moves, or in the plane.
     """
     own = system.equations
-    rows = own.phi.jacobian_at(x[None]) @ own.reduction.basis
-    missing = dependence(rows, own.rows, {}).missing
+    basis = own.reduction.basis / np.sqrt(own.reduction.reduced(gauge.whole).diagonal())
+    missing = dependence(own.phi.jacobian_at(x[None]) @ basis, own.rows, {}).missing
     if not missing:
         return Redundancy()
     equations = system.unreduced
-    found = dependence(equations.phi.jacobian_at(x[None]), equations.rows, joints)
+    found = dependence(equations.phi.jacobian_at(x[None]) * gauge.unit, equations.rows, joints)
     count = sum(system.constraints[k].rows for members in joints.values() for k in members)
     if loaded.deck.dimension == 2 or own.n_rows > MOST_ROWS:
         raise _refusal(loaded, found.joints, found.missing, count)
-    motion = _Motion(own, missing)
-    if gap := motion.contradiction(x):
+    motion = _Motion(own, missing, own.reduction.expand(own.reduction.free(x[None])), basis, gauge.unit)
+    if gap := motion.contradiction():
         why = f": these agree at the start alone, and miss by {gap:.3g} after a motion of {STEP:g}"
         raise _refusal(loaded, found.joints, found.missing, count, why)
     if any(own.constraints[k].driven for k in motion.taking_part):
@@ -162,7 +163,7 @@ class _Decomposed(NamedTuple):
 
 
 class _Motion:
-    """A motion of a scene along what its joints leave free.
+    """A motion of a scene along what its joints leave free: x = start + basis s.
 
     Attributes
     ----------
@@ -170,15 +171,16 @@ class _Motion:
         Left null vectors of the joint equations, of rows of unit length, along the motion.
     """
 
-    def __init__(self, own: Equations, missing: int) -> None:
+    def __init__(self, own: Equations, missing: int, start: Array, basis: Matrix, unit: Array) -> None:
         self._own, self._missing = own, missing
+        self._start, self._basis, self._unit = start, dense(basis), unit
         self.null: list[Array] = []
 
-    def contradiction(self, x: Array) -> float:
-        """Move on from coordinates (n_x,); return by how much rows miss that agreed there, or 0."""
-        reduction, ahead = self._own.reduction, None
-        first, z = None, reduction.free(x[None])
-        here = self._decomposed(z)
+    def contradiction(self) -> float:
+        """Move on from the start; return by how much rows miss that agreed there, or 0."""
+        ahead = first = None
+        s: Array = np.zeros(self._own.n)
+        here = self._decomposed(s)
         for _ in range(int(np.clip(EFFORT / (self._own.n_rows * self._own.n), 4, MOST_STEPS))):
             if self.null and here.sizes[-1] <= LOST**0.5 * here.sizes[0]:
                 break
@@ -186,47 +188,44 @@ class _Motion:
             free = here.right[len(here.sizes) :]
             if not len(free):
                 break
-            step = free.T @ (
-                free @ (np.sin(np.arange(1.0, len(z[0]) + 1.0) ** 2) if ahead is None else ahead)
-            )
-            ahead = step * STEP / np.abs(reduction.expand_rates(step[None])).max()
+            step = free.T @ (free @ (np.sin(np.arange(1.0, len(s) + 1.0) ** 2) if ahead is None else ahead))
+            ahead = step * STEP / self._size(step)
             first = ahead if first is None else first
-            z = self._closed(z + ahead)
-            here = self._decomposed(z)
-            rest, apart = (float(np.abs(gaps).max(initial=0.0)) for gaps in here.parted(self._gaps(z)))
+            s = self._closed(s + ahead)
+            here = self._decomposed(s)
+            rest, apart = (float(np.abs(gaps).max(initial=0.0)) for gaps in here.parted(self._gaps(s)))
             if rest > max(AGREE, SLIGHT * apart):
                 break
             if apart > AGREE:
                 return apart
-            if (
-                len(self.null) > ROUND
-                and np.abs(reduction.expand(z) - x).max() < STEP
-                and ahead @ first > 0.0
-            ):
+            if len(self.null) > ROUND and self._size(s) < STEP and ahead @ first > 0.0:
                 break
         return 0.0
 
-    def _decomposed(self, z: Array) -> _Decomposed:
-        x = self._own.reduction.expand(z)
-        J = dense(self._own.phi.jacobian_at(x) @ self._own.reduction.basis)
+    def _size(self, s: Array) -> float:
+        """Return the largest change of a coordinate, over its unit."""
+        return float(np.abs(self._basis @ s / self._unit).max())
+
+    def _decomposed(self, s: Array) -> _Decomposed:
+        J = dense(self._own.phi.jacobian_at(self._start + self._basis @ s) @ self._basis)
         lengths = np.maximum(np.linalg.norm(J, axis=1), 1e-300)
         left, sizes, right = np.linalg.svd(J / lengths[:, None])
         return _Decomposed(left, sizes[: len(J) - self._missing], right, lengths)
 
-    def _gaps(self, z: Array) -> Array:
-        return np.asarray(self._own.phi.residual(np.zeros(1), self._own.reduction.expand(z))[0])
+    def _gaps(self, s: Array) -> Array:
+        return np.asarray(self._own.phi.residual(np.zeros(1), self._start + self._basis @ s)[0])
 
-    def _closed(self, z: Array) -> Array:
+    def _closed(self, s: Array) -> Array:
         """Return the nearest state in which independent rows hold, as far as corrections lead there."""
-        there, before = self._decomposed(z), np.inf
+        there, before = self._decomposed(s), np.inf
         for _ in range(ITERATIONS):
-            rest, _ = there.parted(self._gaps(z))
+            rest, _ = there.parted(self._gaps(s))
             size = np.abs(rest).max(initial=0.0)
             if size < 1e-3 * AGREE or not size < before:
                 break
             before = size
-            z = z - (rest / np.maximum(there.sizes, LOST)) @ there.right[: len(rest)]
-        return z
+            s = s - (rest / np.maximum(there.sizes, LOST)) @ there.right[: len(rest)]
+        return s
 
     @property
     def _weights(self) -> Array:

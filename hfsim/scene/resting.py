@@ -14,7 +14,6 @@ from hfsim.mechanics.statics.problem import Problem
 from hfsim.mechanics.statics.stability import neutral
 from hfsim.mechanics.turning import Turning
 from hfsim.scene.equilibrium import (
-    Assembled,
     Turns,
     doubts,
     equilibrium_of,
@@ -22,6 +21,7 @@ from hfsim.scene.equilibrium import (
     rigid_motions,
     why_not,
 )
+from hfsim.scene.gauging import Assembled
 from hfsim.scene.initial import AT_REST, STEADY
 
 FIRM, LOOSE = 1e-3, 1e-9

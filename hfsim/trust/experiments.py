@@ -20,6 +20,7 @@ from hfsim.maths.matrices import dense
 from hfsim.maths.rank import Dependence, dependence
 from hfsim.parts.bodies.models import LADDER, MODELS
 from hfsim.scene.build import Scene, build
+from hfsim.scene.gauging import gauge_of
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import SolveSpec
 
@@ -186,7 +187,7 @@ def joint_dependence(scene: Scene, q: Array) -> Dependence:
     if not scene.system.n_rows:
         return Dependence(0, 1.0, ())
     equations = scene.system.unreduced
-    rows = equations.phi.jacobian_at(scene.system.absolute(q[None]))
+    rows = equations.phi.jacobian_at(scene.system.absolute(q[None])) * gauge_of(scene).unit
     return dependence(rows, equations.rows, scene.joints, ALIGNED)
 
 

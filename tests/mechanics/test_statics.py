@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from cantilevers import at_rest, cantilever, displacement
 from mechanisms import listed
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
@@ -546,6 +547,22 @@ def test_bricard_s_loop_rests_flat():
     run = hfsim.static("bricard")
     assert run.final["l1.y"] == pytest.approx(-0.3 * 3.0**0.5, abs=1e-10)
     assert run.statistics["smallest_eigenvalue"] == pytest.approx((2.0 * np.pi * 0.280415461) ** 2, rel=1e-7)
+    assert not any("rank" in one for one in run.statistics["warnings"])
+
+
+@pytest.mark.parametrize("size", [1e-4, 1e3])
+def test_bricard_s_loop_of_any_size_rests_flat(size):
+    deck = yaml.safe_load(find_deck("bricard").read_text("utf-8"))
+    places = [deck["ground"]["points"]]
+    for body in deck["bodies"].values():
+        body["mass"] *= size**3
+        body["inertia"] = [size**5 * one for one in body["inertia"]]
+        places.append(body["points"])
+    for points in places:
+        points.update({name: [size * one for one in at] for name, at in points.items()})
+    run = hfsim.static(parse_deck(yaml.safe_dump(deck)))
+    square = (2.0 * np.pi * 0.280415461) ** 2 / size
+    assert run.statistics["smallest_eigenvalue"] == pytest.approx(square, rel=1e-7)
     assert not any("rank" in one for one in run.statistics["warnings"])
 
 

@@ -27,9 +27,9 @@ class Gauge:
         Coordinates of unit vectors that turn with bodies and sections in space: about a slender body's axis
         hardly any mass moves, however far it turns.
     turning : ndarray, shape (n_x,)
-        What the metric counts besides of the squares of directions, so that a body which turns by one radian
-        has moved by about one in them: in thin sections hardly any mass moves with these, and the stiffness
-        of a scene over its mass would be that of motions which nobody looks at.
+        What the metric counts besides of squares of directions and angles, so that a body which turns by one
+        radian has moved by about one in them: in thin sections hardly any mass moves with these, and the
+        stiffness of a scene over its mass would be that of motions which nobody looks at.
     """
 
     metric: Matrix
@@ -55,3 +55,8 @@ class Gauge:
 
             return (diags_array(weights) @ self.metric + diags_array(self.turning)).tocsr()
         return weights[:, None] * self.metric + np.diag(self.turning)
+
+    @cached_property
+    def unit(self) -> Array:
+        """By what each coordinate changes where its body has moved by about one, (n_x,)."""
+        return np.asarray(1.0 / np.sqrt(self.whole.diagonal()))

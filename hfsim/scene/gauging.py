@@ -1,0 +1,106 @@
+"""By what changes of a scene are measured, without a unit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.matrices import is_sparse
+from hfsim.mechanics.body import Body, VectorBody
+from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.statics.gauge import Gauge
+from hfsim.mechanics.system import System
+from hfsim.scene.assembly import Assembly
+from hfsim.scene.freedom import FreeMotion
+from hfsim.scene.loading import LoadedDeck
+from hfsim.scene.schema import Deck
+
+
+class Assembled(Protocol):
+    """What an equilibrium needs of a scene; see `hfsim.scene.build.Scene`."""
+
+    @property
+    def loaded(self) -> LoadedDeck:
+        """The deck with its places."""
+
+    @property
+    def deck(self) -> Deck:
+        """The deck."""
+
+    @property
+    def system(self) -> System:
+        """The equations."""
+
+    @property
+    def bodies(self) -> Mapping[str, Body]:
+        """Bodies by their names."""
+
+    @property
+    def models(self) -> Mapping[str, str]:
+        """Model of each beam."""
+
+    @property
+    def q(self) -> Array:
+        """State at the start, (n,)."""
+
+    @property
+    def start_angles(self) -> Mapping[str, float]:
+        """Angles of body frames there [rad]."""
+
+    @property
+    def assembly(self) -> Assembly:
+        """How the bodies were put together."""
+
+    @property
+    def rigid_inertia(self) -> Array:
+        """Mass matrices of the bodies taken as rigid, (n_bodies, k, k)."""
+
+    @property
+    def free_motions(self) -> Sequence[FreeMotion] | None:
+        """What the joints leave free."""
+
+    def marker(self, point: str) -> Marker:
+        """Return the marker of a point."""
+
+
+def gauge_of(scene: Assembled) -> Gauge:
+    """Return by what changes of a scene are measured."""
+    system, x = scene.system, scene.system.absolute(scene.q[None])
+    equations, n_dim = system.equations, scene.deck.dimension
+    if system.variable_mass:
+        metric = equations.mass(x)[0]
+    else:
+        metric = equations.constant_mass
+        metric = metric if equations.ballast is None else metric + equations.ballast
+    bodies = [(k, body) for k, body in enumerate(scene.bodies.values()) if not body.still]
+    outlines = [body.extent(x)[0] for body in scene.bodies.values()]
+    every = np.concatenate([*outlines, *(np.array([p]) for p in scene.deck.ground.points.values())])
+    whole = float(np.ptp(every, axis=0).max()) or 1.0
+    sizes = []
+    for k, _ in bodies:
+        masses = np.diag(scene.rigid_inertia[k])
+        own = max(float(np.ptp(outlines[k], axis=0).max()), 1e-2 * whole)
+        sizes.append(masses[n_dim:].max() + masses[:n_dim].max() * own**2)
+    starts = np.array([body.columns.start for _, body in bodies])
+    axes: list[IntArray] = [np.zeros((0, 3), dtype=np.intp)]
+    axes += [one.axes.reshape(-1, 3) for _, body in bodies if (one := body.carried()) is not None]
+    turning = np.zeros(system.n_x)
+    for _, body in bodies:
+        columns = _directions(body)
+        turning[columns] = 1.0 / max(1, len(columns))
+    metric = metric.tocsr() if is_sparse(metric) else metric
+    return Gauge(metric, starts, np.array(sizes), np.concatenate(axes), turning)
+
+
+def _directions(body: Body) -> IntArray:
+    """Return the coordinates of vectors that turn with a body, (n_directions, n_dim), or of its angle."""
+    if isinstance(body, VectorBody):
+        columns = np.arange(body.columns.start, body.columns.stop).reshape(-1, body.n_dim)
+        return np.asarray(columns[body.positions == 0.0])
+    if body.angle_column is not None:
+        return np.array([[body.angle_column]])
+    own = body.carried()
+    return np.zeros((0, 3), dtype=np.intp) if own is None else own.axes.reshape(-1, 3)
