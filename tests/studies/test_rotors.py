@@ -263,7 +263,7 @@ def test_bodies_that_turn_differently_are_told_as_such():
     """It was said that nothing turns, and that a rate be given which was there."""
     two = parse_deck(tower(2))
     for study in (lambda: hfsim.modes(two, about="steady"), lambda: hfsim.campbell(two, [0.0, 1.0])):
-        with pytest.raises(hfsim.HfsimError, match="turn differently at the start.*--spin-body"):
+        with pytest.raises(hfsim.HfsimError, match=r"turn differently at the start.*--spin-body"):
             study()
     at_rest = parse_deck(tower(2).replace("[2.0, 0, 0]", "[0, 0, 0]"))
     with pytest.raises(hfsim.HfsimError, match="nothing turns at the start: give bodies rates"):
