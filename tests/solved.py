@@ -30,3 +30,8 @@ def _solved(text):
     values = np.stack([c.values for c in result.channels], axis=1)
     values.flags.writeable = False
     return values, result
+
+
+def doubts(run):
+    """Warnings but for slips of units, which decks in sizes of one all have."""
+    return [one for one in run.statistics["warnings"] if not one.startswith("deck:")]

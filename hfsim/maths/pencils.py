@@ -175,8 +175,16 @@ class Pencil:
             return lambda given: np.asarray(factor.solve(given.astype(whole.dtype)))
         whole = np.block([[matrix, size * J.T], [size * J, np.zeros((len(J), len(J)))]])
         scale = _equilibrating(whole)
-        whole *= np.outer(scale, scale)
-        return lambda given: np.asarray((np.linalg.solve(whole, (given.T * scale).T).T * scale).T)
+        scaled = whole * np.outer(scale, scale)
+
+        def solved(given: Array) -> Array:
+            return np.asarray((np.linalg.solve(scaled, (given.T * scale).T).T * scale).T)
+
+        def refined(given: Array) -> Array:
+            found = solved(given)
+            return found + solved(given - whole @ found)
+
+        return refined
 
 
 def _equilibrating(matrix: Array) -> Array:

@@ -40,7 +40,9 @@ def stays_even(state: About, shapes: ComplexArray, rates: Array, uncertainty: Ar
     noise = EVEN * (rates**2 + turning.rate**2) + NOISE * uncertainty * (rates + uncertainty)
     change = np.abs(stiffness) + rates * np.abs(resistance)
     even = np.all(change <= noise * _form(own.mass, before).sum(axis=0))
-    return bool(even and np.all(gaps <= EVEN * sizes.max(initial=0.0)))
+    # shapes that are known less well may miss joints by more
+    unsure = EVEN + NOISE * np.tile(uncertainty / (rates + turning.rate), 2)
+    return bool(even and np.all(gaps <= unsure * sizes.max(initial=0.0)))
 
 
 def _form(matrix: Matrix, z: Array) -> Array:
