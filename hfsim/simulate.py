@@ -18,7 +18,7 @@ from hfsim.marching.between import Between
 from hfsim.marching.clock import PhaseClock
 from hfsim.marching.integration import Leg, run_integration
 from hfsim.marching.plan import motions_of, plan_of
-from hfsim.marching.record import Record, Sink
+from hfsim.marching.record import Reader, Record, Sink
 from hfsim.marching.sampling import outlines_of
 from hfsim.marching.solution import Run
 from hfsim.marching.statistics import joined, leg_statistics
@@ -50,6 +50,7 @@ def simulate(
     memory: Memory | None = None,
     mesh_estimate: bool = False,
     after: float | None = None,
+    reader: Reader | None = None,
 ) -> Run:
     """Simulate one scene with one model.
 
@@ -73,6 +74,8 @@ def simulate(
         Whether to measure the error of the mesh by runs on others.
     after : float, optional
         CPU time for estimates and diagnosis [s]; without it as much as the run has taken, or two seconds.
+    reader : Reader, optional
+        Gets the steps as they are made; of a run that goes on from a memory, those since then.
 
     Returns
     -------
@@ -84,7 +87,7 @@ def simulate(
     DeckError
         If the scene cannot be assembled.
     """
-    clock, record = PhaseClock(), Record(sink, memory)
+    clock, record = PhaseClock(), Record(sink, memory, reader=reader)
     wish = Wish(error_estimate, mesh_estimate, diagnosis, after)
     stages = Stages(progress or nobody, wish)
     course: Course | None = None

@@ -56,11 +56,6 @@ class Between:
             table = self._with(table, [_within(one, table[:, 0], bent) for one in between])
         return self._columns(table)
 
-    @property
-    def rough(self) -> tuple[Array, tuple[Channel, ...]]:
-        """Fewer of them, by which one sees where a curve turns."""
-        return self._columns(self._rough[0])
-
     @cached_property
     def _rough(self) -> tuple[Array, list[Array]]:
         """Every second row of the curves, and the times of each leg between these."""
@@ -86,13 +81,6 @@ class Between:
         table = table[np.isfinite(table).all(axis=1)]
         _, first = np.unique(table[:, 0], return_index=True)  # of one time, the row of the output
         return np.asarray(table[first])
-
-    def at(self, times: Array, names: Sequence[str]) -> Array:
-        """Return some channels at sorted times within the run, shape (n_times, n_names)."""
-        ends = np.array([leg.done.trajectory.t_end for leg in self.legs[:-1]])
-        owner = np.searchsorted(ends, times)
-        parts = [_read(leg, times[owner == k], names) for k, leg in enumerate(self.legs)]
-        return np.concatenate(parts)[:, 1:]
 
 
 def bends(table: Array, units: Sequence[str]) -> BoolArray:
@@ -122,12 +110,12 @@ def _within(times: Array, ends: Array, chosen: BoolArray) -> Array:
     return times[chosen[np.clip(np.searchsorted(ends, times) - 1, 0, len(chosen) - 1)]]
 
 
-def _read(leg: Leg, times: Array, names: Sequence[str] = ()) -> Array:
-    """Return rows, times [s] and channels, all without names, read from the steps at sorted times."""
+def _read(leg: Leg, times: Array) -> Array:
+    """Return rows, times [s] and channels, read from the steps at sorted times."""
     path = leg.done.trajectory
     q, v, turns = read_states(leg.scene, path, times, leg.record.begin_angles)
     with np.errstate(all="ignore"):
-        return table_of(samples_of(leg.scene, times, q, v, turns), names)
+        return table_of(samples_of(leg.scene, times, q, v, turns))
 
 
 def times_between(path: Trajectory, rows: Array, room: int) -> Array:

@@ -46,6 +46,13 @@ class Sink(Protocol):
         """Take what the steps have come to, before anything else is found out about the run."""
 
 
+class Reader(Protocol):
+    """What reads the steps of a run while they are whole: later, less may be kept of them."""
+
+    def take(self, scene: Scene, steps: Trajectory, angles: Mapping[str, float]) -> None:
+        """Take the next steps; `angles` are those of the bodies where they begin [rad]."""
+
+
 class Record:
     """The rows and legs of one run.
 
@@ -54,10 +61,18 @@ class Record:
     legs : list of LegRecord
     balanced : bool
         Whether energies and constraint violations are looked at.
+    reader : Reader or None
+        Gets all steps.
     """
 
-    def __init__(self, sink: Sink | None = None, memory: Memory | None = None, balanced: bool = True) -> None:
-        self.balanced = balanced
+    def __init__(
+        self,
+        sink: Sink | None = None,
+        memory: Memory | None = None,
+        balanced: bool = True,
+        reader: Reader | None = None,
+    ) -> None:
+        self.balanced, self.reader = balanced, reader
         self.legs: list[LegRecord] = []
         self._sink, self._tables = sink, list[Array]()
         self._memory = memory
@@ -80,7 +95,7 @@ class Record:
         lasting : bool
             Whether nothing undoes its steps any more: only then can it have been put down.
         """
-        self.legs.append(LegRecord(scene, self.legs[-1] if self.legs else None, self.balanced))
+        self.legs.append(LegRecord(scene, self.legs[-1] if self.legs else None, self.balanced, self.reader))
         memory = self._memory if lasting else None
         if memory is None:
             return None
@@ -152,8 +167,10 @@ class LegRecord:
         Angles of bodies where its steps begin, or those since it was put down [rad].
     """
 
-    def __init__(self, scene: Scene, before: LegRecord | None, balanced: bool) -> None:
-        self._balanced = balanced
+    def __init__(
+        self, scene: Scene, before: LegRecord | None, balanced: bool, reader: Reader | None = None
+    ) -> None:
+        self._balanced, self._reader = balanced, reader
         self.scene, self.balance = scene, Balance(scene)
         self._times = output_times(scene)
         self._begin: int = before._next if before else 0
@@ -179,6 +196,8 @@ class LegRecord:
         stretch = Trajectory(begin, path.t_end, path.q, path.v, own)
         last = int(np.searchsorted(self._times, path.t_end, side="right"))
         with np.errstate(all="ignore"):
+            if self._reader is not None:
+                self._reader.take(self.scene, stretch, self._angles)
             table = self._rows(stretch, slice(self._next, max(last, self._next)))
             self._take(stretch)
             if self._balanced:

@@ -62,13 +62,6 @@ class Fine(Protocol):
     def curves(self) -> tuple[ndarray, tuple[Channel, ...]]:
         """Times [s] in order, the output's among them, and the channels there."""
 
-    @property
-    def rough(self) -> tuple[ndarray, tuple[Channel, ...]]:
-        """Fewer of them, by which one sees where a curve turns."""
-
-    def at(self, times: ndarray, names: Sequence[str]) -> ndarray:
-        """Return some channels at sorted times within the run, shape (n_times, n_names)."""
-
 
 @frozen
 class Run(Columns):

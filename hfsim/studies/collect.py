@@ -1,29 +1,41 @@
-"""Numbers of a run: quantities such as ``final(arm.tip.x)``, read from its rows and from its steps."""
+"""Numbers of a run: quantities such as ``final(arm.tip.x)``, of its rows, and of steps as they are made."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 
 from hfsim.deck.quantities import Quantity
 from hfsim.errors import HfsimError
+from hfsim.integrators import Trajectory
 from hfsim.marching.between import ROUNDING
+from hfsim.marching.sampling import samples_of, table_of
 from hfsim.marching.solution import Run
-from hfsim.maths.arrays import Array, cumulative
-from hfsim.maths.shapes import gauss_legendre
+from hfsim.marching.turns import read_states
+from hfsim.maths.arrays import Array, BoolArray, distinct, slices
+from hfsim.maths.shapes import gauss_lobatto
 from hfsim.parts.channels import kind_of
+from hfsim.scene.build import Scene
 
 _SAME = 1e-9
 """Share of the time between two rows, from one of which a time counts as that row's."""
-_CLOSER = 17
-"""Times that are looked at around an extreme; a parabola goes through the last."""
-_ROUNDS = 2
-"""How often, where it is not where the curve as it is drawn has it."""
-_INSIDE = 4
-"""Gauss points between two times."""
 _SIGNS = {"max": 1.0, "min": -1.0}
 """Quantities that are extremes."""
+_MORE = 3
+"""Places in a step, at first, beyond the terms of its accelerations."""
+_DENSE = 8
+"""Times for each place, at which the polynomial through these is looked at."""
+_ROUGH, _CLOSE = 1e-4, 1e-8
+"""Part of its range by which that polynomial may miss a channel: anywhere, and where its extreme may be."""
+_BESIDE, _NOISE, _ROUNDING = 1e-6, 8.0, 1e-13
+"""A channel is known but for some times what it changes by over such a part of a piece, and for rounding."""
+_HALVINGS = 12
+"""How often a step is halved at most: a jump is not found any closer."""
+_NUMBERS = 1e6
+"""Numbers that are computed in one go: bounds the memory that takes."""
 
 
 class CollectError(HfsimError):
@@ -46,175 +58,195 @@ def channels_of(quantities: Iterable[Quantity]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(one.channel for one in quantities if one.channel))
 
 
-def collect(quantity: Quantity, run: Run) -> float:
-    """Return a quantity of a run that has its steps (``run.fine``) or at least its rows, in its SI unit.
+class Collector:
+    """Quantities of one run, which gives it all its steps as they are made; see `hfsim.simulate.simulate`.
 
-    Raises
-    ------
-    CollectError
-        If the run has not come so far, or has no such channel.
-    """
-    return collect_all([quantity], run)[0]
-
-
-def collect_all(quantities: Sequence[Quantity], run: Run) -> list[float]:
-    """Return several quantities of a run; see `collect`."""
-    sought = [one for one in quantities if one.kind in _SIGNS]
-    extremes = iter(_extremes(sought, run) if sought else ())
-    return [next(extremes) if one.kind in _SIGNS else _plain(one, run) for one in quantities]
-
-
-def _plain(quantity: Quantity, run: Run) -> float:
-    values = _values(quantity, run)
-    if quantity.kind == "final":
-        return float(values[-1])
-    if quantity.time is not None:
-        return _at(quantity, run, quantity.time)
-    seen = run.drawn
-    return _root_of_mean_square(quantity, run, seen.t, seen[quantity.channel])
-
-
-def _values(quantity: Quantity, run: Run) -> Array:
-    """Return the rows of a channel."""
-    try:
-        values = run[quantity.channel]
-    except KeyError as error:
-        raise CollectError(str(error.args[0])) from None
-    if not len(values):
-        raise CollectError(f"{quantity}: the run has no rows")
-    return values
-
-
-def _at(quantity: Quantity, run: Run, time: float) -> float:
-    """Return the value at a time: a row's, else what the steps have there."""
-    row = int(np.abs(run.t - time).argmin())
-    if abs(run.t[row] - time) <= _SAME * max(run.end_time, time) / max(1, len(run.t) - 1):
-        return float(run[quantity.channel][row])
-    if time > run.end_time:
-        raise CollectError(f"{quantity}: the run ends at t = {run.end_time:.6g} s")
-    if run.fine is None:
-        raise CollectError(f"{quantity}: there is no row at this time")
-    return float(_between(quantity, run, np.array([time]))[0])
-
-
-def _between(quantity: Quantity, run: Run, times: Array) -> Array:
-    """Return a channel at sorted times, (n_times,), read from the steps."""
-    assert run.fine is not None
-    return np.asarray(run.fine.at(times, [quantity.channel])[:, 0])
-
-
-def _root_of_mean_square(quantity: Quantity, run: Run, t: Array, values: Array) -> float:
-    """Return it from Gauss points between the times, where there are steps to read."""
-    if len(t) < 2:
-        return float(abs(values[0]))
-    if run.fine is None:
-        return float(np.sqrt(cumulative(values**2, t)[-1] / (t[-1] - t[0])))
-    places, weights = gauss_legendre(_INSIDE)
-    inside = _between(quantity, run, (t[:-1, None] + np.diff(t)[:, None] * places).ravel())
-    squares = (inside**2).reshape(-1, _INSIDE) @ weights
-    return float(np.sqrt(squares @ np.diff(t) / (t[-1] - t[0])))
-
-
-def _extremes(quantities: Sequence[Quantity], run: Run) -> list[float]:
-    """Return largest and smallest values: between the steps' curves ever closer, all of them at once."""
-    for one in quantities:
-        _values(one, run)
-    humps = _Humps(quantities, run)
-    if run.fine is not None and len(humps.t) > 2:
-        first = [(k, int(np.argmax(curve))) for k, curve in enumerate(humps.curves)]
-        humps.climb(first)
-        humps.climb([one for one in humps.reaching() if one not in first])
-    return [sign * value for sign, value in zip(humps.signs, humps.most, strict=True)]
-
-
-class _Humps:
-    """Curves, upside down for smallest values, their tops between the times they are known at, and the most.
-
-    A hump is the number of a curve and that of the time at its top.
+    Pieces of steps, at first whole ones, are halved until the polynomial through a channel at some places of
+    each is that channel: there are as many places as it needs, however long steps are and however many.
     """
 
-    def __init__(self, quantities: Sequence[Quantity], run: Run) -> None:
-        self.quantities, self.run = quantities, run
-        self.t, channels = (run.t, run.channels) if run.fine is None else run.fine.rough
-        seen = {one.name: one.values for one in channels}
-        self.signs = [_SIGNS[one.kind] for one in quantities]
-        self.curves = [sign * seen[one.channel] for sign, one in zip(self.signs, quantities, strict=True)]
-        self.most = [float(curve.max()) for curve in self.curves]
+    def __init__(self, quantities: Iterable[Quantity]) -> None:
+        self._quantities = tuple(quantities)
+        self._at = dict[Quantity, float]()
+        self._along: _Along | None = None
 
-    def reaching(self) -> list[tuple[int, int]]:
-        """Return the humps that may rise above the most between the times.
+    def take(self, scene: Scene, steps: Trajectory, angles: Mapping[str, float]) -> None:
+        """Take the next steps; `angles` are those of the bodies where they begin [rad]."""
+        own = [one for one in self._quantities if one.channel in scene.deck.channels]
+        if self._along is None:
+            self._along = _Along([one for one in own if one.kind in ("rms", *_SIGNS)])
+        count = _MORE + max((len(one.series) for one in steps.segments), default=0)
+        room = _room(scene, count, self._along.names)
+        for stretch in _stretches(steps, room):
+            reading = _Reading(scene, stretch, angles)
+            for one in own:
+                if one.time is not None and stretch.t_start <= one.time <= stretch.t_end:
+                    self._at[one] = float(reading.at(np.array([one.time]), [one.channel])[0, 0])
+            if self._along.names:
+                self._along.follow(reading, count, room)
+            angles = reading.angles_after()
 
-        A parabola rises by an eighth of how far it falls to the farther neighbour, and an edge by half of it.
+    def value(self, quantity: Quantity, run: Run) -> float:
+        """Return a quantity of the run that has given its steps, in its SI unit.
+
+        Raises
+        ------
+        CollectError
+            If the run has not come so far, or has no such channel.
         """
-        found = list[tuple[int, int]]()
-        for k, curve in enumerate(self.curves):
-            falls = np.diff(curve, prepend=curve[0]), -np.diff(curve, append=curve[-1])
-            top = (falls[0] >= 0.0) & (falls[1] >= 0.0)
-            fall = np.maximum(*falls)
-            high = top & (fall > 0.0) & (curve + 0.5 * fall > self.most[k])
-            found += [(k, one) for one in np.flatnonzero(high).tolist()]
-        return found
+        try:
+            values = run[quantity.channel]
+        except KeyError as error:
+            raise CollectError(str(error.args[0])) from None
+        if not len(values):
+            raise CollectError(f"{quantity}: the run has no rows")
+        if quantity.kind == "final":
+            return float(values[-1])
+        if quantity.time is not None:
+            return self._at_time(quantity, run, quantity.time)
+        if self._along is None or not self._along.time:
+            raise CollectError(f"{quantity}: no step was made")
+        return self._along.value(quantity)
 
-    def climb(self, humps: Sequence[tuple[int, int]]) -> None:
-        """Look for the tops of humps ever closer."""
-        t, spans = self.t, [_near(self.t, self.curves[k], top) for k, top in humps]
-        some = [n for n, (low, high) in enumerate(spans) if low < high]
-        times, values, best = self._look([humps[n][0] for n in some], np.array([spans[n] for n in some]))
-        ends = float(t[0]), float(t[-1])
-        last = [n for n, k in enumerate(best) if k in (0, _CLOSER - 1) and times[n, k] not in ends]
-        missed = [humps[some[n]] for n in last if np.ptp(values[n]) > 0.0]  # it climbs where looking ended
-        at = np.array([_around(t, top) for _, top in missed])
-        for _ in range(_ROUNDS if missed else 0):
-            times, _, best = self._look([k for k, _ in missed], at)
-            at = np.array([_around(own, place) for own, place in zip(times, best, strict=True)])
-
-    def _look(self, which: Sequence[int], at: Array) -> tuple[Array, Array, list[int]]:
-        """Look at curves between some times; return these, the curves there, and where each is largest."""
-        if not which:
-            return at, at, []
-        times = np.linspace(at[:, 0], at[:, 1], _CLOSER, axis=1)
-        values = _read_each([self.quantities[k] for k in which], self.run, times)
-        values *= np.array([self.signs[k] for k in which])[:, None]
-        best: list[int] = values.argmax(axis=1).tolist()
-        for k, here, place in zip(which, values, best, strict=True):
-            self.most[k] = max(self.most[k], _peak(here, place))
-        return times, values, best
+    def _at_time(self, quantity: Quantity, run: Run, time: float) -> float:
+        """Return the value at a time: a row's, else what the steps had there."""
+        row = int(np.abs(run.t - time).argmin())
+        if abs(run.t[row] - time) <= _SAME * max(run.end_time, time) / max(1, len(run.t) - 1):
+            return float(run[quantity.channel][row])
+        if quantity not in self._at:
+            raise CollectError(f"{quantity}: the run ends at t = {run.end_time:.6g} s")
+        return self._at[quantity]
 
 
-def _read_each(quantities: Sequence[Quantity], run: Run, times: Array) -> Array:
-    """Return the channel of each quantity at times of its own, (n_quantities, n_times)."""
-    assert run.fine is not None
-    names = channels_of(quantities)
-    every, place = np.unique(times, return_inverse=True)
-    columns = np.array([names.index(one.channel) for one in quantities])
-    return np.asarray(run.fine.at(every, names)[place.reshape(times.shape), columns[:, None]])
+class _Along:
+    """Channels along the steps so far: their ranges, extremes and integrals of squares."""
+
+    def __init__(self, quantities: Sequence[Quantity]) -> None:
+        self.names = channels_of(quantities)
+        self._extremes = [one for one in quantities if one.kind in _SIGNS]
+        self._columns = [self.names.index(one.channel) for one in self._extremes]
+        self._signs = np.array([_SIGNS[one.kind] for one in self._extremes])
+        self._most = np.full(len(self._extremes), -np.inf)
+        """Extremes, smallest ones upside down."""
+        self._range = np.array([[np.inf], [-np.inf]]) * np.ones(len(self.names))
+        self._squares, self.time = np.zeros(len(self.names)), 0.0
+
+    def value(self, quantity: Quantity) -> float:
+        """Return an extreme, or the root of a mean square."""
+        if quantity.kind in _SIGNS:
+            found = self._signs * self._most
+            return float(found[self._extremes.index(quantity)])
+        return float(np.sqrt(self._squares[self.names.index(quantity.channel)] / self.time))
+
+    def follow(self, reading: _Reading, count: int, room: int) -> None:
+        """Follow the channels along steps, with `count` places in each piece, `room` pieces at a time."""
+        ends = reading.steps.step_ends()
+        waiting = [(ends[:-1], np.diff(ends), _HALVINGS)]
+        while waiting:
+            begin, length, left = waiting.pop()
+            if len(begin) > room:
+                waiting += [(begin[some], length[some], left) for some in slices(len(begin), room)]
+                continue
+            again = self._look(reading, begin, length, count, last=not left)
+            if again.any():
+                half = 0.5 * length[again, None]
+                both = begin[again, None] + half * [0.0, 1.0]
+                waiting.append((both.ravel(), np.repeat(half, 2), left - 1))
+
+    def _look(self, reading: _Reading, begin: Array, length: Array, count: int, last: bool) -> BoolArray:
+        """Look at pieces of steps; return which of them tell nothing, as they have to be halved first."""
+        places, fit, dense = _polynomials(count)
+        values = reading.at((begin[:, None] + length[:, None] * places).ravel(), self.names)
+        values = values.reshape(len(begin), len(places), -1)
+        series = fit @ values
+        missed, curves = np.abs(series[:, -2:]).sum(axis=1), self._upright(dense @ series)
+        self._note(values)
+        high = curves.max(axis=1, initial=-np.inf) + missed[:, self._columns] > self._most
+        again = self._unclear(missed, self._known(values, count // 2), high) & (not last)
+        norms = 1.0 / (2.0 * np.arange(count) + 1.0)
+        self.time += float(length[~again].sum())
+        self._squares += np.einsum("p,k,pkc->c", length[~again], norms, series[~again] ** 2)
+        piece, which = np.nonzero(high & ~again[:, None])
+        tops = begin[piece] + length[piece] * _tops(curves[piece, :, which])
+        for k in distinct(which).tolist():
+            times = np.sort(tops[which == k])
+            found = reading.at(times, [self.names[self._columns[k]]])
+            self._most[k] = max(self._most[k], float((self._signs[k] * found).max()))
+        return again
+
+    def _upright(self, values: Array) -> Array:
+        """Return of values (..., n_names) those whose extremes are wanted, upside down for smallest ones."""
+        return np.asarray(self._signs * values[..., self._columns])
+
+    def _note(self, values: Array) -> None:
+        """Note ranges and extremes of values (n_pieces, n_places, n_names)."""
+        self._range[0] = np.minimum(self._range[0], values.min(axis=(0, 1)))
+        self._range[1] = np.maximum(self._range[1], values.max(axis=(0, 1)))
+        self._most = np.maximum(self._most, self._upright(values).max(axis=(0, 1)))
+
+    def _known(self, values: Array, middle: int) -> Array:
+        """Return how well values are known, (n_pieces, n_names): what hardly changes is rounding."""
+        beside = np.abs(values[:, middle + 1] - values[:, middle])
+        known = np.maximum(_NOISE * beside, _ROUNDING * np.abs(values).max(axis=1))
+        still = np.ptp(self._range, axis=0) <= ROUNDING * np.abs(self._range).max(axis=0)
+        return np.where(still, np.inf, known)
+
+    def _unclear(self, missed: Array, known: Array, high: BoolArray) -> BoolArray:
+        """Return in which pieces polynomials miss too much, (n_pieces,); less is where an extreme may be."""
+        size = np.ptp(self._range, axis=0)
+        rough, close = (missed > np.maximum(part * size, known) for part in (_ROUGH, _CLOSE))
+        return np.asarray(rough.any(axis=1) | (high & close[:, self._columns]).any(axis=1))
 
 
-def _near(times: Array, curve: Array, top: int) -> tuple[float, float]:
-    """Return times about the top of the parabola through the largest value of a curve and its neighbours.
+class _Reading:
+    """Steps, and channels read from them; `angles` of the bodies where they begin [rad]."""
 
-    They are the same where there is nothing to look for between them: where the curve is constant but for
-    rounding, or has its largest value at an end, and the parabola its top well beyond.
+    def __init__(self, scene: Scene, steps: Trajectory, angles: Mapping[str, float]) -> None:
+        self.scene, self.steps, self._angles = scene, steps, angles
+
+    def at(self, times: Array, names: Sequence[str]) -> Array:
+        """Return some channels at sorted times within the steps, shape (n_times, n_names)."""
+        states = read_states(self.scene, self.steps, times, self._angles)
+        return table_of(samples_of(self.scene, times, *states), names)[:, 1:]
+
+    def angles_after(self) -> Mapping[str, float]:
+        """Return the angles where the steps end [rad]."""
+        turns = read_states(self.scene, self.steps, np.array([self.steps.t_end]), self._angles)[2]
+        return {**self._angles, **{name: float(angles[-1]) for name, angles in turns.items()}}
+
+
+def _stretches(steps: Trajectory, most: int) -> Iterator[Trajectory]:
+    """Yield so many steps at a time."""
+    ends = [*steps.segments, steps]
+    t = steps.step_ends().tolist()
+    for some in slices(len(steps.segments), most):
+        end = ends[some.stop]
+        yield Trajectory(t[some.start], t[some.stop], end.q, end.v, steps.segments[some])
+
+
+def _room(scene: Scene, count: int, names: Sequence[str]) -> int:
+    """Return how many pieces are looked at in one go."""
+    return max(1, int(_NUMBERS / (count * (scene.system.n + _DENSE * len(names)))))
+
+
+@lru_cache(maxsize=64)
+def _polynomials(count: int) -> tuple[Array, Array, Array]:
+    """Return places in a piece, 0 to 1, what fits Legendre polynomials to them, and these evenly spaced.
+
+    There are so many places, both ends among them, and one more close to one in the middle.
     """
-    three = slice(k := min(max(top - 1, 0), len(times) - 3), k + 3)
-    (before, at, after), (low, middle, high) = times[three].tolist(), curve[three].tolist()
-    rise, fall = (middle - low) / (at - before), (high - middle) / (after - at)
-    if rise <= fall or np.ptp(curve) <= ROUNDING * np.abs(curve).max():
-        return at, at
-    peak = 0.5 * (before + at) + 0.5 * (after - before) * rise / (rise - fall)
-    width = (after - before) / _CLOSER
-    return min(max(before, peak - width), after), max(min(after, peak + width), before)
+    places, middle = gauss_lobatto(count)[0], count // 2
+    fit = np.linalg.inv(legvander(2.0 * places - 1.0, count - 1))
+    beside = np.insert(places, middle + 1, places[middle] + _BESIDE)
+    dense = legvander(np.linspace(-1.0, 1.0, _DENSE * count + 1), count - 1)
+    return beside, np.insert(fit, middle + 1, 0.0, axis=1), dense
 
 
-def _peak(values: Array, best: int) -> float:
-    """Return the top of the parabola through the largest of values that are evenly apart."""
-    if not 0 < best < len(values) - 1:
-        return float(values[best])
-    before, top, after = values[best - 1 : best + 2]
+def _tops(curves: Array) -> Array:
+    """Return where curves (n_curves, n_times), evenly spaced from 0 to 1, have their tops, (n_curves,)."""
+    last = curves.shape[1] - 1
+    best = np.clip(curves.argmax(axis=1), 1, last - 1)
+    before, top, after = (np.take_along_axis(curves, best[:, None] + k, axis=1)[:, 0] for k in (-1, 0, 1))
     bend = 2.0 * top - before - after
-    return float(top + (before - after) ** 2 / (8.0 * bend) if bend > 0.0 else top)
-
-
-def _around(times: Array, best: int) -> tuple[float, float]:
-    """Return the times beside one of some."""
-    return float(times[max(0, best - 1)]), float(times[min(len(times) - 1, best + 1)])
+    shift = np.divide(0.5 * (after - before), bend, out=np.zeros(len(bend)), where=bend > 0.0)
+    return np.asarray(np.clip((best + shift) / last, 0.0, 1.0))

@@ -2,20 +2,27 @@
 
 import csv
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from called import call
 
+import hfsim.marching.record
 from hfsim.deck.quantities import FORMS, QuantityError, read_quantity
 from hfsim.errors import DeckError
 from hfsim.output import api
 from hfsim.output.manual import decks_in, topics
-from hfsim.scene.loading import parse_deck
-from hfsim.studies.collect import CollectError, collect
+from hfsim.scene.loading import load_deck, parse_deck
+from hfsim.simulate import simulate
+from hfsim.studies.collect import CollectError, Collector
 from hfsim.studies.verify import entry_of, published_decks, verify
+from hfsim.studies.verify.finders import answer
 from hfsim.studies.verify.result import FAILED, HELD, MISSED
+from hfsim.studies.verify.study import judged
+
+CASES = Path(__file__).parents[2] / "cases"
 
 # A mass on a spring: x = cos(3 t) / 2 about the wall
 MASS = """
@@ -45,6 +52,14 @@ def rows_of(text, *settings):
     return verify([entry_of(parse_deck(text, "mass.yaml", settings))]).rows
 
 
+def collected(loaded, *texts):
+    """Return numbers of a run."""
+    quantities = [read_quantity(text) for text in texts]
+    collector = Collector(quantities)
+    run = simulate(loaded, error_estimate=False, reader=collector)
+    return [collector.value(one, run) for one in quantities]
+
+
 def command(*words):
     return call("verify", *map(str, words))
 
@@ -70,46 +85,106 @@ def test_what_is_no_quantity_is_refused(text):
         read_quantity(text)
 
 
-@pytest.fixture(scope="module")
-def swing():
-    from hfsim.simulate import simulate
+SWING = {
+    "final(mass.x)": 0.5 * np.cos(7.5),
+    "at(1.5, mass.x)": 0.5 * np.cos(4.5),  # a row
+    "at(1.37, mass.x)": 0.5 * np.cos(4.11),
+    "max(mass.x)": 0.5,
+    "min(mass.x)": -0.5,
+    "rms(mass.x)": np.sqrt(0.125 * (1.0 + np.sin(15.0) / 15.0)),
+}
 
+
+def test_quantities_of_a_run():
     loaded = parse_deck(MASS, "mass.yaml", ["output.channels=[mass.x]", "solve.tolerance=1e-10"])
-    return simulate(loaded, error_estimate=False, outlines=True)
-
-
-@pytest.mark.parametrize(
-    ("quantity", "value"),
-    [
-        ("final(mass.x)", 0.5 * np.cos(7.5)),
-        ("at(1.5, mass.x)", 0.5 * np.cos(4.5)),  # a row
-        ("at(1.37, mass.x)", 0.5 * np.cos(4.11)),
-        ("max(mass.x)", 0.5),
-        ("min(mass.x)", -0.5),
-        ("rms(mass.x)", np.sqrt(0.125 * (1.0 + np.sin(15.0) / 15.0))),
-    ],
-)
-def test_quantities_of_a_run(swing, quantity, value):
-    assert collect(read_quantity(quantity), swing) == pytest.approx(value, abs=1e-10)
+    assert collected(loaded, *SWING) == pytest.approx(list(SWING.values()), abs=1e-10)
 
 
 @pytest.mark.parametrize(("duration", "tolerance"), [(2.0, 1e-10), (4.0, 1e-6)])
 def test_the_highest_of_humps_is_found_whichever_of_them_has_a_row_near_its_top(duration, tolerance):
-    from hfsim.simulate import simulate
-
     changes = [f"parameters.m={18.0 / 30.0}", f"solve.duration={duration}", f"solve.tolerance={tolerance}",
                "output.interval=0.1", "output.channels=[mass.x, mass.vx]"]  # fmt: skip
-    run = simulate(parse_deck(MASS, "mass.yaml", changes), error_estimate=False)
     fastest = 0.5 * 30.0**0.5
     exact = {"min(mass.x)": -0.5, "max(mass.vx)": fastest, "min(mass.vx)": -fastest}
-    for text, value in exact.items():
-        assert collect(read_quantity(text), run) == pytest.approx(value, rel=tolerance + 1e-9)
+    found = collected(parse_deck(MASS, "mass.yaml", changes), *exact)
+    assert found == pytest.approx(list(exact.values()), rel=tolerance + 1e-9)
 
 
-@pytest.mark.parametrize("quantity", ["at(2.6, mass.x)", "final(mass.y)"])
-def test_what_a_run_does_not_have_is_told(swing, quantity):
-    with pytest.raises(CollectError):
-        collect(read_quantity(quantity), swing)
+# A mass that swings all the time, x = cos(3 t) / 2, through many steps, and another that comes to rest
+# soon: x'' + 2 x' + 100 x = 0; the rows are far apart
+LONG = """
+hfsim: 1
+name: long
+bodies: {mass: {type: rigid, mass: 2.0, inertia: 1.0}, bob: {type: rigid, mass: 1.0, inertia: 1.0}}
+joints:
+  rail: {type: prismatic, between: [ground, mass]}
+  guide: {type: prismatic, between: [ground, bob]}
+springs:
+  coil: {type: two_point, between: [ground, mass], stiffness: 18.0, rest_length: 0.0}
+  pad: {type: two_point, between: [ground, bob], stiffness: 100.0, damping: 2.0, rest_length: 0.0}
+initial: {mass: {position: [0.5, 0.0]}, bob: {velocity: [10.0, 0.0]}}
+solve: {duration: 5000.0}
+output: {interval: 100.0, channels: [mass.x]}
+verify:
+  source: closed form
+  bound: 1.0e-6
+  rows:
+    - {quantity: "max(bob.x)", published: "${exp(-atan(sqrt(99)) / sqrt(99))}"}
+    - {quantity: "max(mass.x)", published: 0.5}
+    - {quantity: "rms(mass.x)", published: "${sqrt(0.125 * (1 + sin(30000) / 30000))}"}
+    - {quantity: "rms(mass.vx)", published: "${3 * sqrt(0.125 * (1 - sin(30000) / 30000))}"}
+    - {quantity: "at(777.77, mass.x)", published: "${0.5 * cos(3 * 777.77)}"}
+"""
+
+
+@pytest.mark.parametrize("most", [hfsim.marching.record.MOST_STEPS, 2e4], ids=["whole", "condensed"])
+def test_quantities_are_those_of_all_steps_however_many(monkeypatch, most):
+    """Though less and less is kept of the steps."""
+    monkeypatch.setattr(hfsim.marching.record, "MOST_STEPS", most)
+    entry = entry_of(parse_deck(LONG, "long.yaml"))
+    (order,) = entry.orders().values()
+    found, _ = answer(order)
+    rows = [judged(row, one) for row, one in zip(entry.rows, found, strict=True)]
+    assert [(str(row.quantity), row.found) for row in rows if row.verdict != HELD] == []
+
+
+def test_a_step_has_as_many_places_as_it_has_turns():
+    """A wheel turns evenly, a hundred times in a step; a rim goes up and down."""
+    wheel = parse_deck("""
+hfsim: 1
+name: wheel
+bodies: {wheel: {type: rigid, mass: 1.0, inertia: 1.0, points: {rim: [2.0, 0.0]}}}
+joints: {axle: {type: revolute, between: [ground, wheel]}}
+initial: {wheel: {angular_velocity: 100.0}}
+solve: {duration: 50.0}
+output: {interval: 10.0, channels: [wheel.rim.y, axle.force_x]}
+""", "wheel.yaml")  # fmt: skip
+    highest, lowest, mean, force = collected(
+        wheel, "max(wheel.rim.y)", "min(wheel.rim.y)", "rms(wheel.rim.y)", "max(axle.force_x)"
+    )
+    assert (highest, lowest) == pytest.approx((2.0, -2.0), abs=1e-8)
+    assert mean == pytest.approx(np.sqrt(2.0 * (1.0 - np.sin(1e4) / 1e4)), abs=1e-6)
+    assert abs(force) < 1e-9
+
+
+def test_however_few_steps_are_looked_at_together(monkeypatch):
+    """Full turns of a beam that keeps none are counted on."""
+    spin = ["solve.model=ancf", "initial.b1.angular_velocity=40", "output.channels=[b1.angle, b1.tip.x]"]
+    names = "max(b1.angle)", "rms(b1.tip.x)", "min(b1.tip.x)", "at(0.9, b1.angle)"
+    together = collected(load_deck(CASES / "pendulum.yaml", [*spin, "output.interval=1"]), *names)
+    assert together[0] > together[3] > 4.0 * np.pi
+    monkeypatch.setattr("hfsim.studies.collect._NUMBERS", 1.0)
+    apart = collected(load_deck(CASES / "pendulum.yaml", [*spin, "output.interval=1"]), *names)
+    assert apart == pytest.approx(together, rel=1e-6)
+    rows = collected(load_deck(CASES / "pendulum.yaml", [*spin, "output.interval=0.1"]), names[3])
+    assert rows == pytest.approx(together[3:], rel=1e-9)
+
+
+def test_what_a_run_does_not_have_is_told():
+    loaded = parse_deck(MASS, "mass.yaml", ["output.channels=[mass.x]"])
+    for text in ("at(2.6, mass.x)", "final(mass.y)", "max(mass.y)"):
+        with pytest.raises(CollectError):
+            collected(loaded, text)
 
 
 # --- verdicts ------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from hfsim.errors import DeckError, DeckProblem
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import Deck
 from hfsim.simulate import simulate
-from hfsim.studies.collect import collect_all
+from hfsim.studies.collect import Collector
 from hfsim.studies.sweep.plan import VARY, Plan, SweepError, listed
 from hfsim.studies.sweep.result import Sweep
 from hfsim.studies.sweep.study import COLLECT
@@ -124,10 +124,12 @@ def plan_differences(setting: Setting, values: dict[str, float]) -> tuple[Plan, 
         If the deck's own run fails.
     """
     own = tuple(Override.by(VARY, f"{path}={value!r}") for path, value in values.items())
-    run = simulate(setting.load(own), outlines=False, after=math.inf)
+    collector = Collector(setting.quantities)
+    run = simulate(setting.load(own), outlines=False, after=math.inf, reader=collector)
     if run.status != "done":
         raise SweepError(f"the deck's own run gives nothing to differentiate: {run.status}: {run.reason}")
-    found, by_channel = collect_all(setting.quantities, run), run.statistics.get("error_by_channel") or {}
+    found = [collector.value(one, run) for one in setting.quantities]
+    by_channel = run.statistics.get("error_by_channel") or {}
     errors = tuple(
         max(by_channel.get(one.channel, 0.0), _ROUNDING * abs(value))
         for one, value in zip(setting.quantities, found, strict=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ from hfsim.marching.solution import Run
 from hfsim.marching.stop import Budget, nobody
 from hfsim.scene.loading import LoadedDeck, parse_deck
 from hfsim.simulate import simulate
-from hfsim.studies.collect import CollectError, collect_all
+from hfsim.studies.collect import CollectError, Collector
 
 if TYPE_CHECKING:
     from hfsim.studies.verify.finders import Answer
@@ -80,12 +80,13 @@ def solve_row(
             row = _row_without_run(setting, known)
             row["cpu_s"] = round(time.process_time() - start, 6)
             return row, {}
-        run = _run(setting, loaded)
+        collector = Collector(setting.quantities)
+        run = _run(setting, loaded, collector)
     except DeckError as error:
         wrong = error.problems[0]
         why = f"{wrong.path}: {wrong.message}" if wrong.path else wrong.message
         return row_without(REFUSED, why, setting, "deck"), {}
-    collected = _collected(setting, run, known)
+    collected = _collected(setting, run, known, collector)
     row = {
         "status": run.status,
         "class": (run.failure or {}).get("class", ""),
@@ -103,7 +104,7 @@ def solve_row(
     return row, files
 
 
-def _run(setting: Setting, loaded: LoadedDeck) -> Run:
+def _run(setting: Setting, loaded: LoadedDeck, collector: Collector) -> Run:
     """Return the run; but for diagnosis, what is found out about it does not depend on time."""
     progress = None
     if math.isfinite(setting.limit):
@@ -116,6 +117,7 @@ def _run(setting: Setting, loaded: LoadedDeck) -> Run:
         diagnosis=setting.diagnosis,
         outlines=False,
         after=None if setting.diagnosis else math.inf,
+        reader=collector,
     )
 
 
@@ -140,13 +142,19 @@ def _row_without_run(setting: Setting, found: Mapping[Quantity, Answer]) -> Row:
     return {**row, "collected": [found[one].value for one in setting.quantities]}
 
 
-def _collected(setting: Setting, run: Run, known: Mapping[Quantity, Answer]) -> list[float | None]:
+def _collected(
+    setting: Setting, run: Run, known: Mapping[Quantity, Answer], collector: Collector
+) -> list[float | None]:
     """Return what is collected; nothing of a run that did not reach its end."""
-    own = [one for one in setting.quantities if one not in known]
-    values: Iterator[float] = iter(())
-    with suppress(CollectError):
-        values = iter(collect_all(own, run) if run.status == "done" else ())
-    return [known[one].value if one in known else _finite(next(values, None)) for one in setting.quantities]
+
+    def value(quantity: Quantity) -> float | None:
+        if quantity in known:
+            return known[quantity].value
+        with suppress(CollectError):
+            return collector.value(quantity, run) if run.status == "done" else None
+        return None
+
+    return [_finite(value(one)) for one in setting.quantities]
 
 
 def row_without(status: str, reason: str, setting: Setting, kind: str = "") -> Row:

@@ -17,7 +17,7 @@ from hfsim.marching.solution import Run
 from hfsim.scene.loading import LoadedDeck, parse_deck
 from hfsim.scene.schema import SolveSpec
 from hfsim.simulate import simulate
-from hfsim.studies.collect import CollectError, collect
+from hfsim.studies.collect import CollectError, Collector
 
 _SHARE = 0.25
 """Part of its bound that the error in time of a value may be."""
@@ -127,13 +127,14 @@ def _tighter(solve: SolveSpec) -> Iterator[dict[str, Any]]:
 
 
 def _run(order: Order, loaded: LoadedDeck) -> tuple[Answer, ...]:
-    run = simulate(loaded, error_estimate=False, outlines=True)
+    collector = Collector(order.quantities)
+    run = simulate(loaded, error_estimate=False, outlines=False, reader=collector)
     if run.status != "done":
         return _without(order, f"{run.status} at t = {run.stop_time:.6g} s: {run.reason}")
     found = []
     for quantity in order.quantities:
         try:
-            found.append(Answer(collect(quantity, run)))
+            found.append(Answer(collector.value(quantity, run)))
         except CollectError as error:
             found.append(Answer(None, reason=str(error)))
     return tuple(found)
