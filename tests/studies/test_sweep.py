@@ -26,6 +26,8 @@ from hfsim.deck.ranges import RangeError, read_values
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
 from hfsim.studies.sweep import plan as plans
+from hfsim.studies.sweep.effects import main_effects
+from hfsim.studies.sweep.result import Sweep
 
 STIFF = "springs.coil.stiffness"
 
@@ -236,6 +238,18 @@ def test_pictures(wheel):
     assert {path.name for path in (wheel / "many/plots").iterdir()} == {"scatter.png", "effects.png"}
     effects = json.loads((wheel / "many/sweep.json").read_text())["main_effects"]["max(hub.angle)"]
     assert effects["bodies.hub.inertia"] > 0.9 > 0.2 > effects[STIFF]
+
+
+@pytest.mark.parametrize(
+    ("x", "v", "share"),
+    [("0, 1", "0, 1", 0.5), ("0, 1, 2", "0, 1", 8.0 / 11.0), ("lin(0, 1, 21)", "5, 7", 11.0 / 131.0)],
+)
+def test_main_effects_of_a_sum_over_a_grid_are_the_variances_of_its_parts(x, v, share):
+    plan = plans.grid({"x": x, "v": v})
+    rows = np.array([plan.row(k) for k in range(plan.count)])
+    columns = {"x": rows[:, 0], "v": rows[:, 1], "sum": rows.sum(axis=1)}
+    effects = main_effects(Sweep("sum", "done", plan, columns, ("sum",)))
+    assert effects["sum"] == pytest.approx({"x": share, "v": 1.0 - share}, abs=1e-9)
 
 
 # --- refusals ------------------------------------------------------------------------------------
