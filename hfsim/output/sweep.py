@@ -174,18 +174,18 @@ def wanted_of(
             asked.refuse_runs()
     plan, differences, numbers = None, None, dict[str, float]()
     setting = common = asked.setting(loaded)
+    if not asked.sensitivity:
+        with wrong.gathered():
+            plan = asked.plan()
+    values = readable(asked.vary, random=True)[0] if plan is None else plan.by_path
     with wrong.gathered():
-        setting = asked.collecting(common, loaded)
+        setting = asked.collecting(common, loaded, values)
+    with wrong.gathered():
+        refuse_entries(loaded, asked.vary if plan is None else plan.paths)
     with wrong.gathered():
         if asked.sensitivity:
             numbers = values_of(loaded, setting, asked.vary)
         else:
-            plan = asked.plan()
-    with wrong.gathered():
-        refuse_entries(loaded, asked.vary if plan is None else plan.paths)
-    if not asked.sensitivity:
-        with wrong.gathered():
-            values = readable(asked.vary, random=True)[0] if plan is None else plan.by_path
             refuse_values(common, values, note)
     wrong.tell()
     if plan is None:

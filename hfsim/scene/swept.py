@@ -91,8 +91,14 @@ def complaints_of_sweep(data: dict[str, Any], entries: Mapping[str, Any]) -> Ite
         if why := why_unset(data, str(path), Deck):
             yield Complaint(("sweep", "vary", path), why[0], "".join(why[1:]), True)
     checks = QuantityChecks(data, entries)
+    moved = "runs" in sweep or any(str(path).startswith(_ENDS) for path in vary or ())
     for number, text in enumerate(collect if isinstance(collect, list) else ()):
         with suppress(QuantityError):
             quantity, at = read_quantity(str(text)), ("sweep", "collect", number)
             yield from checks.unknown(at, quantity)
-            yield from checks.too_late(at, quantity)
+            if not moved:
+                yield from checks.too_late(at, quantity)
+
+
+_ENDS = ("solve", "parameters")
+"""Parts of a deck that decide when a run ends."""

@@ -252,6 +252,28 @@ def test_main_effects_of_a_sum_over_a_grid_are_the_variances_of_its_parts(x, v, 
     assert effects["sum"] == pytest.approx({"x": share, "v": 1.0 - share}, abs=1e-9)
 
 
+QUICK = ("--no-plots", "--jobs", 1)
+
+
+def test_runs_that_end_at_other_times_have_what_they_reach(wheel):
+    """The deck's own run ends at 0.5 s."""
+    late = ("--collect", "at(0.7, hub.angle)", "final(hub.angle)", "-o", "late", "--force", *QUICK)
+    timed = WHEEL.replace("duration: 0.5", "duration: '${T}'") + "parameters: {T: 0.5}\n"
+    (wheel / "wheel.yaml").write_text(timed)
+    for path in ("solve.duration", "parameters.T"):
+        told = call("wheel.yaml", "--vary", f"{path}=0.6,0.7,0.8", *late)
+        assert told.exit_code == 0, told.stderr
+        rows = rows_of("late")
+        assert [bool(row["at(0.7, hub.angle)"]) for row in rows] == [False, True, True]
+        assert [row["reason"] for row in rows] == ["at(0.7, hub.angle): the run ends at t = 0.6 s", "", ""]
+        assert all(row["final(hub.angle)"] for row in rows)
+    assert call("wheel.yaml", "--sensitivity", "--vary", "solve.duration=0.8", *late).exit_code == 0
+    (wheel / "own.yaml").write_text(
+        WHEEL + "sweep: {vary: {solve.duration: [0.7, 0.8]}, collect: ['at(0.7, hub.angle)']}\n"
+    )
+    assert call("own.yaml", *QUICK).exit_code == 0
+
+
 # --- refusals ------------------------------------------------------------------------------------
 
 

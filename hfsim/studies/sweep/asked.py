@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from hfsim.deck.ranges import Values
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.sweep.plan import (
     SAMPLE,
@@ -21,7 +22,7 @@ from hfsim.studies.sweep.plan import (
     sample,
     table,
 )
-from hfsim.studies.sweep.study import COLLECT, collecting, read_collected
+from hfsim.studies.sweep.study import COLLECT, collecting, latest_end, read_collected
 from hfsim.studies.sweep.work import Setting
 
 MANY = 100_000
@@ -123,8 +124,9 @@ class Asked:
             self.error_estimate, self.mesh_error, self.diagnosis, self.limit or math.inf,
         )  # fmt: skip
 
-    def collecting(self, setting: Setting, loaded: LoadedDeck) -> Setting:
-        """Return the same with what is collected, or raise `DeckError`."""
+    def collecting(self, setting: Setting, loaded: LoadedDeck, vary: Mapping[str, Values]) -> Setting:
+        """Return the same with what is collected while `vary` is varied, or raise `DeckError`."""
         if self.sensitivity and not self.collect:
             raise refusal(COLLECT, "nothing is collected", "name what derivatives are wanted of")
-        return collecting(setting, read_collected(self.collect, loaded), loaded)
+        end = latest_end(setting, vary)
+        return collecting(setting, read_collected(self.collect, loaded, end), loaded)

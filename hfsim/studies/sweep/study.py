@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 
@@ -32,8 +32,13 @@ _USUAL = ("final", "min", "max")
 """What is collected of every channel where nothing is named."""
 
 
-def read_collected(texts: Sequence[str], loaded: LoadedDeck) -> tuple[Quantity, ...]:
+def read_collected(texts: Sequence[str], loaded: LoadedDeck, end: float) -> tuple[Quantity, ...]:
     """Return what is collected; without any text last values and extremes of all channels of the deck.
+
+    Parameters
+    ----------
+    end : float
+        When runs end at the latest [s].
 
     Raises
     ------
@@ -49,21 +54,32 @@ def read_collected(texts: Sequence[str], loaded: LoadedDeck) -> tuple[Quantity, 
         except QuantityError as error:
             wrong.append(DeckProblem(text, str(error), error.hint, file=COLLECT))
         else:
-            wrong += [DeckProblem(text, *why, file=COLLECT) for why in _why_not(found[-1], loaded)]
+            wrong += [DeckProblem(text, *why, file=COLLECT) for why in _why_not(found[-1], loaded, end)]
     if wrong:
         raise DeckError(COLLECT, wrong)
     return tuple(dict.fromkeys(found))
 
 
-def _why_not(quantity: Quantity, loaded: LoadedDeck) -> Iterator[tuple[str, str]]:
+def _why_not(quantity: Quantity, loaded: LoadedDeck, end: float) -> Iterator[tuple[str, str]]:
     """Yield why the runs of a deck do not have a quantity, and what they have."""
-    if (quantity.time or 0.0) > loaded.deck.solve.duration:
-        yield f"the run ends at {loaded.deck.solve.duration:g} s", ""
+    if (quantity.time or 0.0) > end:
+        yield f"the run ends at {end:g} s", ""
     if quantity.channel and quantity.channel not in loaded.deck.channels:
         try:
             loaded.changed([f"output.channels=[{quantity.channel}]"])
         except DeckError as error:
             yield error.problems[0].message, error.problems[0].hint
+
+
+def latest_end(setting: Setting, vary: Mapping[str, Values]) -> float:
+    """Return when runs end at the latest [s]: infinite where that follows from what is varied."""
+    own = setting.load(()).deck.solve.duration
+    for path, values in vary.items():
+        for value in _tried(values):
+            with suppress(DeckError):
+                if setting.load((f"{path}={written(value)}",)).deck.solve.duration != own:
+                    return math.inf
+    return own
 
 
 def collecting(setting: Setting, quantities: Sequence[Quantity], loaded: LoadedDeck) -> Setting:
@@ -159,10 +175,7 @@ def refuse_values(setting: Setting, vary: Mapping[str, Values], note: Callable[[
     for path, values in vary.items():
         if why_unset(data, path, Deck):  # that is told
             continue
-        tried = [values.at((k + 0.5) / _TRIED) for k in range(_TRIED)]
-        if not values.kind:
-            tried = [values.listed[round(k)] for k in _spread(len(values.listed))]
-        problems = {one: _problem(setting, path, one) for one in dict.fromkeys(tried)}
+        problems = {one: _problem(setting, path, one) for one in _tried(values)}
         wrong = {one: problem for one, problem in problems.items() if problem is not None}
         if wrong and len(wrong) == len(problems):
             first = next(iter(wrong.values()))
@@ -172,6 +185,13 @@ def refuse_values(setting: Setting, vary: Mapping[str, Values], note: Callable[[
             note(f"{path}={written(one)} is refused: {problem.message}; its runs will say so")
     if refused:
         raise DeckError(VARY, refused)
+
+
+def _tried(values: Values) -> dict[Value, None]:
+    """Return some values that are tried before anything runs, the first and the last of a list among them."""
+    if values.kind:
+        return dict.fromkeys(values.at((k + 0.5) / _TRIED) for k in range(_TRIED))
+    return dict.fromkeys(values.listed[round(k)] for k in _spread(len(values.listed)))
 
 
 def _spread(count: int) -> list[float]:

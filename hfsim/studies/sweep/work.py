@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -86,11 +85,11 @@ def solve_row(
         wrong = error.problems[0]
         why = f"{wrong.path}: {wrong.message}" if wrong.path else wrong.message
         return row_without(REFUSED, why, setting, "deck"), {}
-    collected = _collected(setting, run, known, collector)
+    collected, why = _collected(setting, run, known, collector)
     row = {
         "status": run.status,
         "class": (run.failure or {}).get("class", ""),
-        "reason": run.reason,
+        "reason": run.reason or why,
         "error_estimate": _finite(run.statistics["error_estimate"]),
         "energy_drift": _finite(run.statistics["energy_drift"]),
         "warnings": len(run.statistics.get("warnings") or ()),
@@ -144,17 +143,23 @@ def _row_without_run(setting: Setting, found: Mapping[Quantity, Answer]) -> Row:
 
 def _collected(
     setting: Setting, run: Run, known: Mapping[Quantity, Answer], collector: Collector
-) -> list[float | None]:
-    """Return what is collected; nothing of a run that did not reach its end."""
+) -> tuple[list[float | None], str]:
+    """Return what is collected, nothing of a run that did not reach its end, and why some is missing."""
+    values, why = list[float | None](), ""
+    for one in setting.quantities:
+        found = known.get(one)
+        value, reason = (found.value, found.reason) if found else _of_run(one, run, collector)
+        values.append(_finite(value))
+        why = why or reason
+    return values, why
 
-    def value(quantity: Quantity) -> float | None:
-        if quantity in known:
-            return known[quantity].value
-        with suppress(CollectError):
-            return collector.value(quantity, run) if run.status == "done" else None
-        return None
 
-    return [_finite(value(one)) for one in setting.quantities]
+def _of_run(quantity: Quantity, run: Run, collector: Collector) -> tuple[float | None, str]:
+    """Return a quantity of a run, or why there is none."""
+    try:
+        return (collector.value(quantity, run), "") if run.status == "done" else (None, run.reason)
+    except CollectError as error:
+        return None, str(error)
 
 
 def row_without(status: str, reason: str, setting: Setting, kind: str = "") -> Row:
