@@ -304,7 +304,7 @@ def test_one_channel_does_not_hide_all_others(stiff):
     for line, words in zip((first, second), ("1 %", "0.01 %"), strict=True):
         assert line.startswith(f"motion: for {words}: ") and "tolerance" in line and "nothing" not in line
     assert third.startswith("motion: for 1e-6: ")
-    assert scope.startswith("errors in time only, without that of the mesh (8 elements)")
+    assert scope.startswith("errors in time only, without that of the mesh (4 elements)")
     assert [line.split(",")[0] for line in others] == ["rates", "forces", "energies"]
     assert "error floor" in others[1] and "nothing tried reaches it" in others[1]
     assert others[1].count("best") == 1
@@ -337,6 +337,13 @@ def test_recommendations_say_what_errors_they_are_of():
 
 
 # --- the command ---------------------------------------------------------------------------------
+
+
+def test_elements_are_those_of_each_beam_as_they_are_asked_for():
+    deck = load_deck(CASES / "hub_beams.yaml", ["solve.duration=1e-3"])
+    result = bench(deck, sweep(methods=("gauss",), tolerances=(1e-4,), elements=(1, 2)), Budget(30.0))
+    assert [cell.elements for cell in result.cells] == [1, 2] == [p.elements for p in result.points]
+    assert {cell.mesh_reference for cell in result.cells} == {4}
 
 
 def test_a_picture_of_one_point_shows_it_and_the_mesh_error(tmp_path, monkeypatch):

@@ -137,7 +137,7 @@ def _mesh_figure(result: Bench, model: str, degree: int) -> Figure:
     best = {count: min(errors) for count, errors in least.items() if errors}
     if best:
         axes.plot(list(best), list(best.values()), "v:", color="0.5", label="smallest time error reached")
-    dress_counts(axes, counts, "elements of all beams together", "mesh error / range [-]")
+    dress_counts(axes, counts, "elements of each beam", "mesh error / range [-]")
     axes.set_ylim(decades(axes.get_ylim()))
     against = f"against {cells[0].mesh_reference_words}"
     of = f", degree {degree}" if degree != 3 else ""

@@ -135,7 +135,7 @@ class Point(_OnMesh):
     Attributes
     ----------
     elements : int
-        Elements of all beams together.
+        Elements of each beam, the most where the deck has beams differ.
     degree : int
         Highest of their degrees.
     tolerance, step : float or None
@@ -213,7 +213,7 @@ class Cell(_OnMesh):
     Attributes
     ----------
     elements : int
-        Elements of all beams together.
+        Elements of each beam, the most where the deck has beams differ.
     degree : int
         Highest of their degrees.
     status, reason : str

@@ -149,7 +149,7 @@ def _cell_work(loaded: LoadedDeck, model: str, budget: Budget, allowed: float, m
     """Build one cell and compute its reference within `allowed` seconds; if it must, one at any price."""
     scene = build(loaded, model)
     beams = [spec for spec in scene.deck.bodies.values() if isinstance(spec, BeamSpec)]
-    elements, degree = sum(b.elements for b in beams), max((b.degree for b in beams), default=3)
+    elements, degree = max((b.elements for b in beams), default=0), max((b.degree for b in beams), default=3)
     cell = Cell(model, elements, scene.system.n, "over budget", "no time for a reference", degree)
     work, end = Work(cell, scene), budget.used + allowed
     for level in LADDER:
