@@ -71,7 +71,10 @@ def _two_point_inverse() -> Array:
     return np.linalg.inv(np.concatenate([values, once, twice]))
 
 
-def two_point_series(h: float, ends: tuple[Array, Array, Array], start: tuple[Array, Array, Array]) -> Array:
+_State = tuple[Array, Array, Array]
+
+
+def two_point_series(h: float | Array, ends: _State, start: _State) -> Array:
     """Return the cubic accelerations that join (q, v, a) at both ends of a step, shape (4, n)."""
     q0, v0, a0 = start
     q1, v1, a1 = ends
@@ -108,21 +111,28 @@ def _alike(
             yield key, own, Segment(t[:, None], h[:, None, None], q[:, None], v[:, None], series)
 
 
-def _joined_pair(first: Segment, second: Segment, after: Segment) -> list[Segment]:
-    """Return one step in place of two; both where one of them ends in other coordinates than the next has."""
-    steps = ((first, second), (second, after))
-    if any(np.abs(one.at(np.array([one.t + one.h]))[0][0] - q.q).max() > JUMP for one, q in steps):
-        return [first, second]
-    return [_pair(first, second, after)]
+def _halved(steps: list[Segment], after: Segment) -> list[Segment]:
+    """Return one step, right at its ends, in place of two each, of an even number of them.
 
-
-def _pair(first: Segment, second: Segment, after: Segment) -> Segment:
-    """Return one step in place of two, right at its ends."""
-    begin = legendre(np.array([0.0]), len(first.series))[0][0] @ first.series
-    end = legendre(np.array([1.0]), len(second.series))[0][0] @ second.series
-    h = after.t - first.t
-    series = two_point_series(h, (after.q, after.v, end), (first.q, first.v, begin))
-    return Segment(first.t, h, first.q, first.v, series)
+    Both stay where one of them ends in other coordinates than the next has.
+    """
+    every, n = [*steps, after], len(after.q)
+    t, q, v = (np.array([getattr(step, name) for step in every]) for name in ("t", "q", "v"))
+    end, first, last = np.empty((3, len(steps), n))
+    for _, own, alike in _alike(steps, [0] * len(steps)):
+        end[own] = alike.inside(np.ones(1))[0][:, 0]
+        first[own] = (-1.0) ** np.arange(alike.series.shape[1]) @ alike.series
+        last[own] = alike.series.sum(axis=1)
+    whole = (np.abs(end - q[1:]) <= JUMP).all(axis=1).reshape(-1, 2).all(axis=1)
+    h = np.diff(t[::2])
+    ends = q[2::2].ravel(), v[2::2].ravel(), last[1::2].ravel()
+    starts = q[:-1:2].ravel(), v[:-1:2].ravel(), first[::2].ravel()
+    series = two_point_series(np.repeat(h, n), ends, starts).reshape(4, -1, n).swapaxes(0, 1).copy()
+    found = list[Segment]()
+    for k, joins in enumerate(whole.tolist()):
+        both = steps[2 * k : 2 * k + 2]
+        found += [both[0]._replace(h=float(h[k]), series=series[k])] if joins else both
+    return found
 
 
 @dataclass(eq=False)
@@ -208,11 +218,10 @@ class Trajectory:
     def condense(self) -> None:
         """Join neighbouring steps two by two, but for the last: between their ends less is kept of them."""
         self.condensed = True
-        steps, count = self.segments, max(0, len(self.segments) - RECENT)
-        old, last = steps[:count], steps[count:]
-        pairs = zip(old[0::2], old[1::2], [*old[2::2], *last[:1]], strict=False)
-        joined = [step for three in pairs for step in _joined_pair(*three)]
-        self.segments = [*joined, *old[count // 2 * 2 :], *last]
+        steps, count = self.segments, max(0, len(self.segments) - RECENT) // 2 * 2
+        parts = slices(count, 2 * max(1, MOST // len(self.q)))
+        joined = [step for some in parts for step in _halved(steps[some], steps[some.stop])]
+        self.segments = [*joined, *steps[count:]]
 
     def step_ends(self) -> Array:
         """Return all step boundaries, the start and the end included."""

@@ -178,7 +178,7 @@ class LegRecord:
         self._angles: Mapping[str, float] = scene.start_angles
         self.begin_angles = self._angles
         self._first = 0
-        self._cost = 0.0
+        self._cost, self._size = 0.0, 0
         self._states: list[Array] = [np.empty((0, 2 + 2 * scene.system.n))]
         self._wanted = distinct(np.array(scene.deck.output.snapshots, dtype=float))
         self._shots: list[Array] = [np.empty((0, 1 + 2 * scene.system.n))]
@@ -203,8 +203,10 @@ class LegRecord:
             if self._balanced:
                 self.balance.add(step_samples(stretch))
         self._cost = _nominal(counts, len(path.q))
-        if path.size > MOST_STEPS:
+        self._size += stretch.size
+        if self._size > MOST_STEPS:
             path.condense()
+            self._size = path.size
         self._first = len(path.segments)
         return table
 

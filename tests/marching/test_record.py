@@ -228,6 +228,35 @@ def test_a_condensed_trajectory_is_right_at_the_ends_of_its_steps(monkeypatch):
         assert mine == pytest.approx(theirs, abs=1e-12)
 
 
+def test_steps_that_are_condensed_end_in_the_coordinates_they_have(monkeypatch):
+    """Of any number of terms; where coordinates change between two of them, both stay."""
+    rng, path = np.random.default_rng(3), Trajectory(0.0, 0.0, np.zeros(2), np.ones(2))
+    for k in range(13):
+        step = Segment(float(k), 1.0, path.q, path.v, rng.normal(size=(2 + k % 3, 2)))
+        (path.q,), (path.v,) = step.at(np.array([k + 1.0]))
+        path.q = path.q + 3.0 * (k == 4)
+        path.segments.append(step)
+        path.t_end = k + 1.0
+    monkeypatch.setattr("hfsim.integrators._trajectory.RECENT", 1)
+    monkeypatch.setattr("hfsim.integrators._trajectory.MOST", 4)
+    times = np.array([0.0, 2.0, 4.0, 4.9, 6.0, 8.0, 12.0, 13.0])
+    before = path.at(times)
+    path.condense()
+    assert [s.t for s in path.segments] == [0.0, 2.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0]
+    for mine, theirs in zip(path.at(times), before, strict=True):
+        assert mine == pytest.approx(theirs, abs=1e-12)
+
+
+def test_what_a_block_costs_does_not_grow_with_the_run(short_blocks, monkeypatch):
+    """Bytes are counted of its own steps, not of all so far."""
+    counted, size = [], Trajectory.size.fget
+    count = property(lambda self: counted.append(len(self.segments)) or size(self))
+    monkeypatch.setattr(Trajectory, "size", count)
+    done = simulate(load_deck(CASES / "pendulum.yaml", ["solve.duration=4"]), error_estimate=False)
+    assert len(counted) > 5
+    assert sum(counted) == done.statistics["steps"]
+
+
 def test_a_leg_without_a_row_yet_can_be_put_down(short_blocks):
     """The first block of the last leg ends before the next output time."""
     loaded = parse_deck(TURNING + "output: {interval: 0.9}\n", "deck")
