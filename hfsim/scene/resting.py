@@ -30,6 +30,8 @@ BALANCED = 1e-5
 """Part of forces of inertia that may be left over in what floats."""
 MISSED = 1e-9
 """Part of the fastest rate by which joints may miss steady rotation."""
+EVEN = 1e-4
+"""Part of the accelerations of a turn by which others may differ after it, if it goes on as it began."""
 
 
 class Rest(NamedTuple):
@@ -108,7 +110,25 @@ def _steady(scene: Assembled) -> Rest:
     if np.abs(drift).max(initial=0.0) > MISSED * np.abs(u).max(initial=0.0):
         told = f"not everything can turn with '{spec.body}': joints hold some of it"
         raise scene.loaded.problem(path, told, "let all that moves hang on that body")
-    return _begun(scene, turns, x, u, ())
+    told = f"{path}: weight, springs or loads meet it otherwise after a turn: it is steady at the start alone"
+    return _begun(scene, turns, x, u, () if _goes_on(scene, x, turning) else (told,))
+
+
+def _goes_on(scene: Assembled, x: Array, turning: Turning) -> bool:
+    """Tell whether no more is beside the accelerations of a turn after one radian of it than at (1, n_x)."""
+    system, t, seconds = scene.system, np.zeros(1), 1.0 / turning.rate
+
+    def beside(x: Array) -> Array:
+        return system.solved(t, x, turning.rates(x))[0] - turning.accelerations(x)
+
+    def size(accelerations: Array) -> float:
+        return float(np.sqrt(system.kinetic_energy(x, accelerations)[0]))
+
+    try:
+        after = size(beside(turning.turned(x, seconds) + seconds * turning.travel))
+        return bool(after <= size(beside(x)) + EVEN * size(turning.accelerations(x)))
+    except np.linalg.LinAlgError:
+        return True
 
 
 def turning_with(scene: Assembled, body: str) -> Turning:

@@ -166,6 +166,12 @@ def test_a_rod_that_turns_steadily_is_stretched_and_stays_so(strain, model, exte
     assert swung(result) < 1e-9
 
 
+@pytest.mark.parametrize(("gravity", "lasts"), [(0.0, True), (-9.81, False)])
+def test_a_rotation_that_weight_meets_otherwise_after_a_turn_is_told(gravity, lasts):
+    warnings = build(parse_deck(SPIN, overrides=[f"gravity=[0.0, {gravity}]"])).warnings
+    assert any("steady at the start alone" in one for one in warnings) is not lasts
+
+
 @pytest.mark.parametrize(
     ("override", "path"),
     [
