@@ -143,9 +143,9 @@ class ExpressionLaw(Law):
         every = -(-len(turns) // MOST_TURNS) or 1
         return np.concatenate([turns[::every], *(zeros[:MOST_TURNS] for zeros in found)])
 
-    def period(self, t_end: float) -> float:
+    def period(self, begin: float, end: float) -> float:
         """Return the time in which the argument of a sine or cosine turns once where it turns fastest [s]."""
-        t = np.linspace(0.0, t_end, SAMPLES + 1)
+        t = np.linspace(begin, end, SAMPLES // 20 + 1)
         with np.errstate(all="ignore"):
             jets = [_function(one)([t, 1.0]) for one in _turning(self.tree)]
         fastest = max((float(np.abs(one[1]).max()) for one in jets if isinstance(one, list)), default=0.0)

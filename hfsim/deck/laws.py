@@ -22,8 +22,8 @@ class Law(ABC):
     Between their breaks, all laws are twice continuously differentiable.
     """
 
-    def period(self, t_end: float) -> float:
-        """Return the time of its quickest oscillation until the end [s]; infinite where it has none."""
+    def period(self, begin: float, end: float) -> float:
+        """Return the time of its quickest oscillation between two times [s]; infinite where it has none."""
         return math.inf
 
     def breaks(self, order: int, t_end: float = math.inf) -> Array:
@@ -149,9 +149,9 @@ class SineLaw(Law):
     phase: float
     offset: float
 
-    def period(self, t_end: float) -> float:
+    def period(self, begin: float, end: float) -> float:
         """Return the time of one oscillation [s]."""
-        return 2.0 * math.pi / self.w
+        return 2.0 * math.pi / self.w if self.amplitude else math.inf
 
     def _derivative(self, t: Array, order: int) -> Array:
         # Each derivative turns the phase by a quarter and brings one factor w.
@@ -166,9 +166,10 @@ class ShiftedLaw(Law):
     law: Law
     start: float
 
-    def period(self, t_end: float) -> float:
-        """Return that of the other, if it begins."""
-        return self.law.period(t_end - self.start) if self.start < t_end else math.inf
+    def period(self, begin: float, end: float) -> float:
+        """Return that of the other, once it has begun."""
+        own = max(begin - self.start, 0.0), end - self.start
+        return self.law.period(*own) if own[1] > 0.0 else math.inf
 
     def breaks(self, order: int, t_end: float = math.inf) -> Array:
         """Return the start and the breaks of the other."""

@@ -88,14 +88,20 @@ class AutomaticStepper(Stepper):
         """That of the method of the last attempt."""
         return self._label
 
+    @property
+    def longest(self) -> float:
+        """That of the method at work [s]."""
+        self._now.period = self.period
+        return self._now.longest
+
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Try a step of length h; go over to collocation if explicit ones fail."""
         attempt = self._attempted(t, q, v, h)
-        self._label, self.longest = self._now.label, self._now.longest
+        self._label = self._now.label
         return attempt
 
     def _attempted(self, t: float, q: Array, v: Array, h: float) -> Attempt:
-        self._now.reach = self.reach
+        self._now.reach, self._now.period = self.reach, self.period
         if not self._explicit:
             return self._now.attempt(t, q, v, h)
         try:
@@ -110,7 +116,7 @@ class AutomaticStepper(Stepper):
 
     def ahead(self, t: float, q: Array, v: Array, h: float, end: float, room: int) -> Ahead | None:
         """Make ordinary steps natively, explicit ones as many as may be before it is looked at the pace."""
-        self._now.reach = self.reach
+        self._now.reach, self._now.period = self.reach, self.period
         if self._explicit:
             room = min(room, LOOK - self._made % LOOK)
         ahead, self._label = self._now.ahead(t, q, v, h, end, room), self._now.label
@@ -162,7 +168,7 @@ class AutomaticStepper(Stepper):
         self._take(self._method.usual.start(self._problem, t, q, v), False)
 
     def _take(self, stepper: Stepper, explicit: bool) -> None:
-        self._now, self.name, self._explicit, self.longest = stepper, stepper.name, explicit, stepper.longest
+        self._now, self.name, self._explicit = stepper, stepper.name, explicit
 
     def _begun(self) -> tuple[Stepper, bool]:
         """Return what makes the steps, and whether that is by explicit ones: if few make the run."""

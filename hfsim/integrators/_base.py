@@ -123,14 +123,17 @@ class Stepper(Remembering):
     """Time over which errors of velocities count where breaks make steps short [s]: a push may be over soon,
     but what it did to the velocities goes on."""
 
+    period: float = math.inf
+    """Of the quickest oscillation of a law until the next break [s]."""
+
+    spans: float = SPAN_OF_POINTS
+    """Oscillations that a step may span."""
+
     name: str
     """What it makes its steps with now."""
 
     first: float
     """First step length to try [s]."""
-
-    longest: float = math.inf
-    """Longest step [s]: in longer ones laws of time that oscillate would look like slower ones."""
 
     def kept(self) -> Callable[[], dict[str, Any]]:
         """Return what tells the memory of now: it may be that of others too, which change in place."""
@@ -141,6 +144,11 @@ class Stepper(Remembering):
     def label(self) -> str:
         """Its name and, after a colon, the number of stages or the order where a method has several."""
         return self.name
+
+    @property
+    def longest(self) -> float:
+        """Longest step [s]: in longer ones laws of time that oscillate would look like slower ones."""
+        return self.spans * self.period
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Try a step of length h."""

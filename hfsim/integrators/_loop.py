@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from math import isfinite
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -93,7 +93,7 @@ class Stepping:
         self._breaks = stretches(problem.breaks, start[0], t_end)
         self._pace = Pace(start[0], t_end)
         self._stepper: Stepper | None = None
-        self._wish, self._reach, self._behind_break = 0.0, 0.0, False
+        self._wish, self._reach, self._period, self._behind_break = 0.0, 0.0, inf, False
         self._stretch = start[0], start[0]
         problem.count_on(len(start[1]), start[0], t_end)
         self._kept = self._memories()
@@ -177,6 +177,7 @@ class Stepping:
         stepper = self._stepper or self._begin()
         if path.t_end >= self._stretch[1]:
             stepper = self._enter(stepper)
+        stepper.period = self._period
         steps, made, edges = path.segments, len(path.segments), 0
         while len(steps) == made:
             if self._ahead(stepper):
@@ -276,12 +277,12 @@ class Stepping:
 
     def _go_into(self, begin: int, end: int) -> None:
         self._stretch = float(self._breaks[begin]), float(self._breaks[end])
-        self._pace.t_end = self._stretch[1]
+        self._period, self._pace.t_end = self._problem.period(*self._stretch), self._stretch[1]
 
     def _restarted(self) -> Stepper:
         """Start the method anew, without what it remembers of the time before a break."""
         self._stepper, self._behind_break = self._started(), False
-        self._stepper.reach = self._reach
+        self._stepper.reach, self._stepper.period = self._reach, self._period
         return self._stepper
 
     def _name(self, stepper: Stepper) -> None:

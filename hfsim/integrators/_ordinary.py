@@ -93,7 +93,7 @@ class Rule(NamedTuple):
         return np.array([*self[:-1], *self.growths])
 
 
-REACH, END = map(Rule._fields.index, ("reach", "end"))
+REACH, END, LONGEST = map(Rule._fields.index, ("reach", "end", "longest"))
 """What changes during a run."""
 
 

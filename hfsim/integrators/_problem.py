@@ -144,8 +144,8 @@ class Problem:
     breaks : ndarray
         Times at which a step has to end, sorted [s]: between them no law of time hides anything from a method
         that looks at the ends of its steps alone, save those that repeat themselves.
-    period : float
-        The shortest oscillation of a law [s].
+    period : callable
+        (begin, end) -> the shortest oscillation of a law between these times [s].
     turns : Turns
         What counts the turns of angles along the steps.
     edges : Edges
@@ -177,7 +177,7 @@ class Problem:
     loops: bool = True
     many_forces: bool = False
     breaks: Array = field(default_factory=lambda: np.zeros(0))
-    period: float = np.inf
+    period: Callable[[float, float], float] = lambda begin, end: np.inf
     turns: Turns = field(default_factory=Turns)
     edges: Edges = field(default_factory=Edges)
     recharted: Callable[[Array, Array], tuple[Array, Array] | None] | None = None

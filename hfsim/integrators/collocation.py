@@ -30,7 +30,7 @@ from hfsim.integrators._iteration import LINEAR, End, Iteration, Kind, Place
 from hfsim.integrators._lengths import FAINT, GROWTH, REGROWTH, RUNGS, SHRUNK, TARGET, factor, fitted
 from hfsim.integrators._memory import Remembering
 from hfsim.integrators._often import LARGE
-from hfsim.integrators._ordinary import END, REACH, Ahead, Rule, State
+from hfsim.integrators._ordinary import END, LONGEST, REACH, Ahead, Rule, State
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._replayed import Held, Replay, Replays
 from hfsim.integrators._tableau import Collocation, gauss, radau
@@ -224,7 +224,7 @@ class CollocationStepper(Stepper):
         end: float = np.inf, room: int = 0,
     ) -> Ahead:  # fmt: skip
         rule = self._rule
-        rule[REACH], rule[END] = self.reach, end
+        rule[REACH], rule[END], rule[LONGEST] = self.reach, end, self.longest
         state = State(0.0, self._old, self._served, self._cap, wish or place.h)
         return replay.march(self._problem, place, rule, state, self._known_at_start(place), guess, room)
 
@@ -330,8 +330,7 @@ class CollocationStepper(Stepper):
         damping = self._method.damping if stiff else None
         self.name, self._stiff = "radau" if damping else self._method.name, stiff
         self.table = damping() if damping else self._usual
-        self._label = f"{self.name}:{self.table.stages}"
-        self.longest = SPAN * self.table.stages * self._problem.period
+        self._label, self.spans = f"{self.name}:{self.table.stages}", SPAN * self.table.stages
         self._at_end = bool(self.table.nodes[-1] == 1.0)
         """Whether the last stage is the end of the step."""
         few = self._method.damping is not None and self._usual.stages < GAUSS_STAGES
@@ -348,7 +347,7 @@ class CollocationStepper(Stepper):
         iterations = (*limits(self._tolerance), LINEAR, MAX_ITERATIONS, self._tolerance, self.reach)
         lengths = (TARGET, 1.0 / (stages + 1), FAINT, RUNGS, np.inf, self._resolved, self._stiff)
         serving = (SERVES, SERVES_WELL, SHRUNK, self._steady, REGROWTH)
-        ending = (self._at_end * stages, ROUNDING, closings, NEAR, self.longest)
+        ending = (self._at_end * stages, ROUNDING, closings, NEAR, 0.0)
         return Rule(*iterations, *lengths, *serving, *ending, np.ravel(self.growths)).told()
 
 

@@ -10,7 +10,7 @@ from hfsim.integrators._base import SPAN_OF_POINTS, Attempt, Integrator, Options
 from hfsim.integrators._iteration import End, Place
 from hfsim.integrators._lengths import FAINT, ROUGH, RUNGS, SHRUNK, TARGET, factor, fitted
 from hfsim.integrators._nystrom import Nystrom, Step, order_6, order_8
-from hfsim.integrators._ordinary import END, REACH, Ahead, Rule, State
+from hfsim.integrators._ordinary import END, LONGEST, REACH, Ahead, Rule, State
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._staged import UNKNOWN, Staged
 from hfsim.maths.arrays import Array
@@ -67,7 +67,7 @@ class ExplicitStepper(Stepper):
     ) -> None:
         self.name, self._tolerance, self._problem = method.name, method.tolerance, problem
         self._table = table = method.table(problem)
-        self.longest = SPAN_OF_POINTS * len(table.nodes) * problem.period
+        self.spans = SPAN_OF_POINTS * len(table.nodes)
         self._known: Array = problem.single(t, q, v) if known is None else known
         size = float((np.abs(self._known) / (1.0 + np.abs(q))).max())
         self.first = float(self._tolerance ** (1.0 / table.order)) / float(np.sqrt(max(size, 1.0)))
@@ -79,7 +79,7 @@ class ExplicitStepper(Stepper):
             goal=0.0, near=0.0, last_digit=0.0, linear=0.0, most=0.0, tolerance=self._tolerance, reach=0.0,
             target=TARGET, power=1.0 / table.order, faint=FAINT, rungs=RUNGS, end=0.0, resolved=never,
             stiff=0.0, serves=never, serves_well=never, shrunk=SHRUNK, steady=0.0, regrowth=REGROWTH,
-            at_end=self._end, rounding=ROUNDING, closings=closings, turned=NEAR, longest=self.longest,
+            at_end=self._end, rounding=ROUNDING, closings=closings, turned=NEAR, longest=0.0,
             growths=np.array([never, GROWTH]),
         ).told()  # fmt: skip
 
@@ -139,7 +139,7 @@ class ExplicitStepper(Stepper):
         self, steps: Staged, place: Place, wish: float = 0.0, end: float = np.inf, room: int = 0
     ) -> Ahead:
         rule, counts = self._rule, self._problem.counts
-        rule[REACH], rule[END] = self.reach, end
+        rule[REACH], rule[END], rule[LONGEST] = self.reach, end, self.longest
         steps.begin(place)
         if len(self._known):
             steps.a0[...] = self._known

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from hfsim.integrators._base import (
-    SPAN_OF_POINTS,
     Attempt,
     Integrator,
     Options,
@@ -109,7 +108,7 @@ class GearStepper(NewtonStepper):
     def __init__(
         self, method: Gear, problem: Problem, h: float, order: int, differences: Array, a: Array
     ) -> None:
-        self.name, self.first, self.longest = method.name, h, SPAN_OF_POINTS * problem.period
+        self.name, self.first = method.name, h
         self._method, self._newton = method, Newton(problem, MAX_ITERATIONS, patience=0, listens=True)
         self._h, self._k, self._a = h, order, a
         self._D = np.zeros((MAX_ORDER + 3, *differences.shape[1:]))

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from hfsim.integrators._base import (
-    SPAN_OF_POINTS,
     Attempt,
     Integrator,
     Options,
@@ -82,7 +81,7 @@ class GeneralizedAlphaStepper(NewtonStepper):
         self._newton = Newton(problem, MAX_ITERATIONS, patience=1)
         self.a = self.smooth = problem.single(t, q, v)
         self._slope: Array = np.zeros(len(q))
-        self.first, self.longest = cautious_step(self.a, q, self._tolerance), SPAN_OF_POINTS * problem.period
+        self.first = cautious_step(self.a, q, self._tolerance)
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Solve a = a(t + h, q, v) at the end of the step."""
