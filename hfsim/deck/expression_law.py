@@ -140,16 +140,28 @@ class ExpressionLaw(Law):
             y = self._derivative(t, order)
             turns = _turning_points(t, y)
             found = [_pulses(t, y), *(_zeros(one, t) for one in _switches(self.tree))]
+            oscillates = any(_turning(self.tree))
+            loud = np.flatnonzero(self._is_loud(t) & oscillates)
         every = -(-len(turns) // MOST_TURNS) or 1
-        return np.concatenate([turns[::every], *(zeros[:MOST_TURNS] for zeros in found)])
+        fades = t[1:][loud[-1:][loud[-1:] < SAMPLES]]
+        return np.concatenate([turns[::every], fades, *(zeros[:MOST_TURNS] for zeros in found)])
 
     def period(self, begin: float, end: float) -> float:
         """Return the time in which the argument of a sine or cosine turns once where it turns fastest [s]."""
-        t = np.linspace(begin, end, SAMPLES // 20 + 1)
+        if not (arguments := list(_turning(self.tree))):
+            return math.inf
+        t = np.concatenate([np.linspace(0.0, end, SAMPLES + 1), np.linspace(begin, end, SAMPLES // 20 + 1)])
         with np.errstate(all="ignore"):
-            jets = [_function(one)([t, 1.0]) for one in _turning(self.tree)]
-        fastest = max((float(np.abs(one[1]).max()) for one in jets if isinstance(one, list)), default=0.0)
+            there = (t >= begin) & self._is_loud(t)
+            jets = [_function(one)([t, 1.0]) for one in arguments]
+            rates = [np.abs(one[1] * there) for one in jets if isinstance(one, list)]
+        fastest = max((float(one[np.isfinite(one)].max(initial=0.0)) for one in rates), default=0.0)
         return 2.0 * math.pi / fastest if fastest else math.inf
+
+    def _is_loud(self, t: Array) -> BoolArray:
+        """Return when its rate is not next to nothing beside the largest of these times."""
+        rate = np.abs(self._derivative(t, 1))
+        return np.asarray(~(rate <= _QUIET * rate[np.isfinite(rate)].max(initial=0.0)))
 
     def trouble(self, t_end: float, orders: Sequence[int]) -> tuple[float, str] | None:
         """Return when, until the end, it or one of its derivatives is not finite, and what that is."""

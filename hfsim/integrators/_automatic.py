@@ -125,7 +125,7 @@ class AutomaticStepper(Stepper):
             self._made += len(ahead.rows) - 1
             self._count(ahead.t, last[3 : n + 3], last[n + 3 : 2 * n + 3])
         if ahead is not None:
-            self._failed = int(ahead.state.rejected)
+            self._failed = int(ahead.state.rejected) + (0 if len(ahead.rows) else self._failed)
         return ahead
 
     def accept(self, t: float, q: Array, v: Array) -> None:

@@ -137,6 +137,13 @@ def test_loops_go_on_as_they_were_through_positions_where_they_lose_their_rank(r
     assert np.ptp(upright, axis=0).max() < 10.0 * tolerance
 
 
+def test_failures_in_a_row_count_however_they_are_made():
+    """The rate of a root is infinite at the start: steps there fail until they are next to nothing."""
+    text = (DISC % 0.0).replace("duration: 5.0, tolerance: 1.0e-4", "duration: 2.0")
+    load = "loads: {push: {type: moment, at: disc, moment: 1.0, law: {expression: 't**0.5'}}}"
+    assert methods(f"{text}\n{load}\n")[-1] == "gauss:16"
+
+
 def windows(count):
     """Return a deck of so many in a row, of bars of 1 m."""
     bar = {"type": "rigid", "mass": 1.0, "inertia": 1 / 12, "points": {"low": [-0.5, 0.0], "top": [0.5, 0.0]}}

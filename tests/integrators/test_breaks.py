@@ -201,3 +201,23 @@ solve: {duration: 1000000.01}
     done = run_integration(scene := build(parse_deck(deck)), scene.deck.solve)
     assert done.stop is None and done.problem.counts.steps < 100
     assert done.trajectory.q[0] == pytest.approx(1.5 * 0.01 / (2e3 * np.pi), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("law", "most"),
+    [
+        ("sin(sqrt(t))", 60),
+        ("sin(pow(t, 0.3))", 60),
+        ("sin(hypot(t, 0))", 60),
+        ("sin(tau * 1e5 * t) * exp(-1e3 * t)", 3000),
+    ],
+)
+def test_oscillations_without_a_finite_rate_or_that_fade_hold_up_nothing(law, most):
+    deck = f"""hfsim: 1
+gravity: [0.0, 0.0]
+bodies: {{b: {{type: rigid, mass: 1.0, inertia: 1.0}}}}
+loads: {{f: {{type: force, at: b, force: [1.0, 0.0], law: {{expression: "{law}"}}}}}}
+solve: {{duration: 1.0}}
+"""
+    done = run_integration(scene := build(parse_deck(deck)), scene.deck.solve)
+    assert done.stop is None and done.problem.counts.steps < most

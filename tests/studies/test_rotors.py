@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 import hfsim
 from hfsim.output.modes import campbell_text, state_warnings
-from hfsim.scene.loading import parse_deck
+from hfsim.scene.loading import load_deck, parse_deck
 
 ROTOR = """hfsim: 1
 gravity: [0, 0, 0]
@@ -523,3 +523,11 @@ def test_crossings_of_rotors_belong_to_the_mode_that_has_them():
     found = hfsim.campbell(parse_deck(OVERHUNG), [0, 100, 200, 300], count=5)
     told = {(one.order, round(one.rate, 2)) for one in found.crossings}
     assert len(told) == len(found.crossings) and told == overhung_crossings(0.5, 299.5)
+
+
+@pytest.mark.parametrize("case", ["lag", "turning_blade"])
+def test_blades_that_turn_steadily_are_told_so_at_all_rates(case):
+    """Joint equations along which no mode moves are rounding, before a turn and after it."""
+    found = hfsim.campbell(load_deck(f"cases/verify/{case}.yaml"), [0.0, 5.0, 10.0, 20.0], count=2)
+    assert not found.unsteady
+    assert np.isfinite([found.frequencies(number) for number in (1, 2)]).all()

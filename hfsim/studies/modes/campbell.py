@@ -14,7 +14,7 @@ import numpy as np
 from hfsim.errors import ArgumentError
 from hfsim.marching.stop import Progress, nobody
 from hfsim.maths.arrays import Array, BoolArray, ComplexArray
-from hfsim.studies.modes.about import About, turning_about, turning_at
+from hfsim.studies.modes.about import About, ModesError, turning_about, turning_at
 from hfsim.studies.modes.found import Mode, Modes, check_count, modes_of
 
 ORDERS = (1, 2, 3)
@@ -167,12 +167,18 @@ def campbell(
     check_count(count)
     if not len(rates) or not np.isfinite(rates).all():
         raise ArgumentError(f"rates are {list(rates)}: one at least has to be wanted, and all are numbers")
-    walk, founds = _walk(rates), list[Modes]()
+    walk, founds, wanted = list[float](), list[Modes](), _walk(rates)
     start = state = turning_about(start)
-    for k, rate in enumerate(walk):
-        state = at_rate(state, start, rate)
+    for k, rate in enumerate(wanted):
+        try:
+            state = at_rate(state, start, rate)
+        except ModesError:
+            if rate in rates:
+                raise
+            continue
+        walk.append(rate)
         founds.append(modes_of(state, count + _SPARE))
-        progress((k + 1) / len(walk))
+        progress((k + 1) / len(wanted))
     tracks, senses = _followed(founds, count)
     steady = [found.steady for found in founds]
     tracks = tuple(

@@ -34,15 +34,18 @@ def stays_even(state: About, shapes: ComplexArray, rates: Array, uncertainty: Ar
         return False
     x, u = state.after_a_turn
     own, other = state.motions, small_motions(system, state.t, x[0], u[0], turning)
-    gaps, sizes = np.abs(other.jacobian @ after.T), abs(other.jacobian) @ np.abs(after.T)
+    gaps = np.abs(other.jacobian @ after.T).max(axis=0, initial=0.0)
+    # rows along which nothing moves are rounding themselves
+    held = abs(other.jacobian).max() if other.jacobian.shape[0] else 0.0
+    sizes = held * np.tile(np.abs(after).reshape(2, len(shapes), -1).max(axis=(0, 2)), 2)
     stiffness = _form(other.stiffness, after) - _form(own.stiffness, before)
     resistance = _form(other.velocity, after) - _form(own.velocity, before)
-    noise = EVEN * (rates**2 + turning.rate**2) + NOISE * uncertainty * (rates + uncertainty)
+    noise = NOISE * EVEN * (rates**2 + turning.rate**2) + NOISE * uncertainty * (rates + uncertainty)
     change = np.abs(stiffness) + rates * np.abs(resistance)
     even = np.all(change <= noise * _form(own.mass, before).sum(axis=0))
     # shapes that are known less well may miss joints by more
     unsure = EVEN + NOISE * np.tile(uncertainty / (rates + turning.rate), 2)
-    return bool(even and np.all(gaps <= unsure * sizes.max(initial=0.0)))
+    return bool(even and np.all(gaps <= unsure * sizes))
 
 
 def _form(matrix: Matrix, z: Array) -> Array:
