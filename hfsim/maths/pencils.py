@@ -174,8 +174,7 @@ class Pencil:
                 raise np.linalg.LinAlgError(str(error)) from None
             return lambda given: np.asarray(factor.solve(given.astype(whole.dtype)))
         whole = np.block([[matrix, size * J.T], [size * J, np.zeros((len(J), len(J)))]])
-        scale = _equilibrating(whole)
-        scaled = whole * np.outer(scale, scale)
+        scaled, scale = _equilibrated(whole)
 
         def solved(given: Array) -> Array:
             return np.asarray((np.linalg.solve(scaled, (given.T * scale).T).T * scale).T)
@@ -187,12 +186,22 @@ class Pencil:
         return refined
 
 
-def _equilibrating(matrix: Array) -> Array:
-    """Return scales (n,) with which a matrix has entries of size one in all rows and columns.
+def _equilibrated(matrix: Array) -> tuple[Array, Array]:
+    """Return a matrix with entries of size one in all rows and columns, and the scales (n,) that make it so.
 
-    They begin with what makes the diagonal one, so that no unit counts: there are many such scales.
+    There are many such scales: those that begin with none hang on units, and those that make the diagonal
+    one on what cancels there. That which is farther from singular is taken.
     """
-    scale = np.sqrt(_inverse(np.abs(matrix.diagonal())))
+    starts = np.ones(len(matrix)), np.abs(matrix.diagonal())
+    scales = [_equilibrating(matrix, start) for start in starts]
+    both = [matrix * np.outer(scale, scale) for scale in scales]
+    k = int(np.argmin([np.linalg.cond(one, 1) for one in both]))
+    return both[k], scales[k]
+
+
+def _equilibrating(matrix: Array, diagonal: Array) -> Array:
+    """Return such scales, beginning with those that make a diagonal (n,) one."""
+    scale = np.sqrt(_inverse(diagonal))
     for _ in range(_EQUILIBRATIONS):
         rows = _inverse(np.abs(matrix * scale).max(axis=1, initial=0.0))
         scale = np.where(scale > 0.0, np.sqrt(scale * rows), rows)

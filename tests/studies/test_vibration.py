@@ -978,3 +978,22 @@ def test_what_a_search_far_away_tells_roughly_is_improved_until_it_stands(off):
     rough = np.linalg.inv(mixed)[:, 4] + off * rng.standard_normal(6)
     value, error = _corrected(Pencil(M, V, K, np.zeros((0, 6))), exact * (1.0 + off * (1.0 - 0.3j)), rough)
     assert abs(value - exact) <= error < 1e-8 * abs(exact)
+
+
+SLIDE = """hfsim: 1
+gravity: [0, 0, -9.81]
+bodies:
+  base: {type: rigid, mass: 1, inertia: [0.1, 0.1, 0.1], points: {p: [0.2, 0.3, 0.1]}}
+  sl: {type: rigid, mass: 2, inertia: [0.1, 0.2, 0.3], points: {q: [0.1, -0.1, 0.05]}}
+joints:
+  f: {type: fixed, between: [ground, base], orientation: {axis: [1, 1, 1], angle: 120 deg}}
+  p: {type: prismatic, between: [base.p, sl.q], orientation: {rotation_vector: [0, 0.5, 0]}, damping: 1.5}
+  d: {type: servo, between: [base.p, sl.q], position: 0.0, stiffness: 400, damping: 10}
+solve: {duration: 1}
+"""
+
+
+def test_one_slide_among_joints_that_hold_all_else_swings_as_by_itself():
+    """Next to its eigenvalue hardly anything is left on the diagonal of what is solved there."""
+    (found,) = hfsim.modes(parse_deck(SLIDE), about="equilibrium").modes
+    assert found.value == pytest.approx(-2.875 + 1j * np.sqrt(200.0 - 2.875**2), rel=1e-12)
