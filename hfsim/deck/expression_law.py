@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -140,23 +140,31 @@ class ExpressionLaw(Law):
             y = self._derivative(t, order)
             turns = _turning_points(t, y)
             found = [_pulses(t, y), *(_zeros(one, t) for one in _switches(self.tree))]
-            oscillates = any(_turning(self.tree))
-            loud = np.flatnonzero(self._is_loud(t) & oscillates)
+            loud = np.flatnonzero(self._is_loud(t)) if self._turning else np.zeros(0, dtype=int)
         every = -(-len(turns) // MOST_TURNS) or 1
         fades = t[1:][loud[-1:][loud[-1:] < SAMPLES]]
         return np.concatenate([turns[::every], fades, *(zeros[:MOST_TURNS] for zeros in found)])
 
-    def period(self, begin: float, end: float) -> float:
+    def period(self, begin: float, end: float, t_end: float) -> float:
         """Return the time in which the argument of a sine or cosine turns once where it turns fastest [s]."""
-        if not (arguments := list(_turning(self.tree))):
+        if not self._turning:
             return math.inf
-        t = np.concatenate([np.linspace(0.0, end, SAMPLES + 1), np.linspace(begin, end, SAMPLES // 20 + 1)])
-        with np.errstate(all="ignore"):
-            there = (t >= begin) & self._is_loud(t)
-            jets = [_function(one)([t, 1.0]) for one in arguments]
-            rates = [np.abs(one[1] * there) for one in jets if isinstance(one, list)]
-        fastest = max((float(one[np.isfinite(one)].max(initial=0.0)) for one in rates), default=0.0)
+        t, rates = _fastest(self, t_end)
+        first, last = np.searchsorted(t, begin, side="right") - 1, np.searchsorted(t, end)
+        fastest = float(rates[max(first, 0) : last + 1].max(initial=0.0))
         return 2.0 * math.pi / fastest if fastest else math.inf
+
+    @cached_property
+    def _turning(self) -> tuple[_Function, ...]:
+        """Arguments of sines and cosines of time."""
+        return tuple(map(_function, _turning(self.tree)))
+
+    def turning_rates(self, t: Array) -> Array:
+        """Return the largest rate at which they turn [rad/s], zero where the law hardly changes by it."""
+        with np.errstate(all="ignore"):
+            jets = [one([t, 1.0]) for one in self._turning]
+            every = np.abs([one[1] * self._is_loud(t) for one in jets if isinstance(one, list)])
+        return np.asarray(np.where(np.isfinite(every), every, 0.0).max(axis=0, initial=0.0))
 
     def _is_loud(self, t: Array) -> BoolArray:
         """Return when its rate is not next to nothing beside the largest of these times."""
@@ -258,6 +266,13 @@ def _base(base: Node, exponent: Node, t: Array) -> Array:
     """Return what a power divides by, of the sign of the quotient; NaN where it does not divide."""
     x, n = _value(base, t), _value(exponent, t)
     return np.where(n < 0.0, np.where(n % 2.0 == 1.0, x, np.abs(x)), np.nan)
+
+
+@lru_cache(maxsize=64)
+def _fastest(law: ExpressionLaw, t_end: float) -> tuple[Array, Array]:
+    """Return the times at which a law is looked at, and its turning rates there."""
+    t = np.linspace(0.0, t_end, SAMPLES + 1)
+    return t, law.turning_rates(t)
 
 
 def _turning(node: Node) -> Iterator[Node]:

@@ -22,8 +22,11 @@ class Law(ABC):
     Between their breaks, all laws are twice continuously differentiable.
     """
 
-    def period(self, begin: float, end: float) -> float:
-        """Return the time of its quickest oscillation between two times [s]; infinite where it has none."""
+    def period(self, begin: float, end: float, t_end: float) -> float:
+        """Return the time of its quickest oscillation between two times [s]; infinite where it has none.
+
+        It is looked at until ``t_end``.
+        """
         return math.inf
 
     def breaks(self, order: int, t_end: float = math.inf) -> Array:
@@ -149,7 +152,7 @@ class SineLaw(Law):
     phase: float
     offset: float
 
-    def period(self, begin: float, end: float) -> float:
+    def period(self, begin: float, end: float, t_end: float) -> float:
         """Return the time of one oscillation [s]."""
         return 2.0 * math.pi / self.w if self.amplitude else math.inf
 
@@ -166,10 +169,11 @@ class ShiftedLaw(Law):
     law: Law
     start: float
 
-    def period(self, begin: float, end: float) -> float:
+    def period(self, begin: float, end: float, t_end: float) -> float:
         """Return that of the other, once it has begun."""
-        own = max(begin - self.start, 0.0), end - self.start
-        return self.law.period(*own) if own[1] > 0.0 else math.inf
+        if end <= self.start:
+            return math.inf
+        return self.law.period(max(begin - self.start, 0.0), end - self.start, t_end - self.start)
 
     def breaks(self, order: int, t_end: float = math.inf) -> Array:
         """Return the start and the breaks of the other."""

@@ -91,8 +91,7 @@ class AutomaticStepper(Stepper):
     @property
     def longest(self) -> float:
         """That of the method at work [s]."""
-        self._now.period = self.period
-        return self._now.longest
+        return self._now.spans * self.period
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Try a step of length h; go over to collocation if explicit ones fail."""

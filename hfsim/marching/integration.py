@@ -190,7 +190,7 @@ def problem_of(scene: Scene) -> Problem:
         loops=closes_loops(scene.deck),
         many_forces=len(system.forces) >= MANY,
         breaks=system.breaks(scene.deck.solve.duration),
-        period=system.period,
+        period=partial(system.period, t_end=scene.deck.solve.duration),
         recordings=scene.recordings,
         recharted=partial(_recharted, system) if any(chart.several for chart in system.charts) else None,
     )

@@ -171,9 +171,9 @@ class System:
         """Return the times until the end at which steps have to end [s], sorted: those of all laws."""
         return np.sort(np.concatenate([np.zeros(0), *(law.breaks(k, t_end) for law, k in self._laws)]))
 
-    def period(self, begin: float, end: float) -> float:
-        """Return the shortest oscillation of a law between two times [s]."""
-        return min((law.period(begin, end) for law, _ in self._laws), default=np.inf)
+    def period(self, begin: float, end: float, t_end: float) -> float:
+        """Return the shortest oscillation of a law between two times of a run until ``t_end`` [s]."""
+        return min((law.period(begin, end, t_end) for law, _ in self._laws), default=np.inf)
 
     def force(self, t: Array, x: Array, u: Array) -> Array:
         """Return the generalised force of all parts, shape (n_batch, n_x)."""

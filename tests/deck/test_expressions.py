@@ -416,7 +416,7 @@ def test_before_its_start_a_law_holds_its_first_value(law, start):
         assert (there[before] == held).all()
         np.testing.assert_allclose(there[after], getattr(plain, name)(t[after] - start), rtol=1e-14)
     assert start in shifted.breaks(0, 2.0)
-    np.testing.assert_allclose(shifted.period(start, 2.0), plain.period(0.0, 2.0 - start))
+    np.testing.assert_allclose(shifted.period(start, 2.0, 2.0), plain.period(0.0, 2.0 - start, 2.0 - start))
 
 
 def _own(law):

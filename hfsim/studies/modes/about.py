@@ -90,10 +90,7 @@ class About:
     def mass(self) -> float:
         """Of all that moves [kg]."""
         scene = self.scene
-        bodies, n_dim = list(scene.bodies.values()), scene.deck.dimension
-        shift = Turning.of(
-            bodies, np.zeros(1 if n_dim == 2 else 3), np.zeros(n_dim), velocity=np.eye(n_dim)[0]
-        )
+        shift = Turning.units(scene.bodies.values(), scene.deck.dimension)[0]
         return 2.0 * float(scene.system.kinetic_energy(self.motions.x[None], shift.travel[None])[0])
 
     @cached_property
