@@ -3,7 +3,7 @@
 Checks and rules ask these facts; they know no kind of body, joint, spring or load by name.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from hfsim.deck.fields import Between, split_point
@@ -94,9 +94,23 @@ class JointSpec(Spec):
         """
         raise NotImplementedError
 
-    def resisted(self, facing: Array | None = None) -> "Iterator[tuple[str, Held, tuple[Resistance, ...]]]":
-        """Yield what it leaves free but resists: the key that says so, if any, what, and by what forces."""
+    measures: ClassVar[tuple[tuple[str, str], ...]] = ()
+    """Angle and distance that it has: the unit, and the key without which it has none, if any."""
+
+    def coordinates(self, facing: Array | None = None) -> "Iterator[tuple[str, Held]]":
+        """Yield angles and distances that it leaves free, drives or acts on, with the key of each, if any."""
         return iter(())
+
+    @property
+    def resisting(self) -> "Mapping[str, tuple[Resistance, ...]]":
+        """What resists its coordinates, or acts on them, by the key of each."""
+        return {}
+
+    def resisted(self, facing: Array | None = None) -> "Iterator[tuple[str, Held, tuple[Resistance, ...]]]":
+        """Yield the coordinates that it resists or acts on: their keys, what, and by what forces."""
+        acting = {key: forces for key, forces in self.resisting.items() if forces}
+        own = self.coordinates(facing) if acting else ()
+        yield from ((key, held, acting[key]) for key, held in own if key in acting)
 
     @property
     def carries(self) -> bool:
@@ -127,6 +141,9 @@ class SpringSpec(Spec):
 
     carries: ClassVar[bool] = False
     """Whether it resists shifts of its bodies, not turns alone."""
+
+    measures: ClassVar[tuple[tuple[str, str], ...]] = ()
+    """As of joints."""
 
     def build(self, first: "Marker", second: "Marker", start: Array) -> "ForcePart":
         """Return the force between two markers of a scene with coordinates (n,) at the start."""

@@ -1,12 +1,13 @@
 """Cylindrical joint: one point slides along an axis, and the bodies turn about it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Literal
 
 from hfsim.deck.fields import Axis
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import across
 from hfsim.mechanics.constraints import Held, Shift
+from hfsim.parts.joints._coordinate import coordinate
 from hfsim.parts.resistances import SlidingResistanceSpec, TurningResistanceSpec
 from hfsim.parts.specs import JointSpec
 
@@ -19,6 +20,7 @@ class CylindricalSpec(JointSpec):
 
     vectors = ("axis",)
     spatial = turns = follows_start = True
+    measures = (("rad", ""), ("m", ""))
 
     type: Literal["cylindrical"]
 
@@ -38,13 +40,13 @@ class CylindricalSpec(JointSpec):
         assert facing is not None
         return *(Shift(side) for side in across(self.axis or THIRD)), shared_axis(self.axis, facing)
 
-    def resisted(self, facing: Array | None = None) -> "Iterator[tuple[str, Held, tuple[Resistance, ...]]]":
+    def coordinates(self, facing: Array | None = None) -> Iterator[tuple[str, Held]]:
         """Yield turn and shift."""
-        from hfsim.mechanics.directions import THIRD
-        from hfsim.mechanics.spatial_turns import about
+        yield "turning", coordinate(self.axis, True, facing)
+        yield "sliding", coordinate(self.axis, False, facing)
 
-        assert facing is not None
-        if self.turning is not None and self.turning.resistances:
-            yield "turning", about(self.axis, facing), self.turning.resistances
-        if self.sliding is not None and self.sliding.resistances:
-            yield "sliding", Shift(self.axis or THIRD), self.sliding.resistances
+    @property
+    def resisting(self) -> "Mapping[str, tuple[Resistance, ...]]":
+        """What resists both."""
+        both = {"turning": self.turning, "sliding": self.sliding}
+        return {key: one.resistances for key, one in both.items() if one is not None}

@@ -18,6 +18,7 @@ class DriverSpec(DrivenSpec):
     vectors = ("axis",)
     spatial = ("orientation",)
     follows_start = True
+    measures = (("rad", "angle"), ("m", "position"))
 
     type: Literal["driver"]
 
@@ -50,6 +51,10 @@ class DriverSpec(DrivenSpec):
         if self.angle is not None:
             return self.angle.constant is not None
         return self.position is not None and self.position.constant == 0.0
+
+    def coordinates(self, facing: Array | None = None) -> Iterator[tuple[str, Held]]:
+        """Yield what it drives."""
+        yield from (("", held) for held in self.held(facing))
 
     @property
     def carries(self) -> bool:

@@ -1,6 +1,6 @@
 """Motor: a torque or a force between two bodies, constant or scaled over time."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Literal
 
 from hfsim.deck.fields import Axis, Force, Moment
@@ -9,11 +9,14 @@ from hfsim.deck.spec import Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held
 from hfsim.mechanics.resistances import Push, Resistance
-from hfsim.parts.joints._actuator import ActuatorSpec, coordinate
+from hfsim.parts.joints._actuator import ActuatorSpec
+from hfsim.parts.joints._coordinate import coordinate
 
 
 class MotorSpec(ActuatorSpec):
     """Turns B against A by a torque about an axis, or pushes it along one by a force; it holds nothing."""
+
+    measures = (("rad", "torque"), ("m", "force"))
 
     type: Literal["motor"]
 
@@ -41,15 +44,21 @@ class MotorSpec(ActuatorSpec):
         """Whether it is a force."""
         return self.force is not None
 
-    def resisted(self, facing: Array | None = None) -> Iterator[tuple[str, Held, tuple[Resistance, ...]]]:
+    def coordinates(self, facing: Array | None = None) -> Iterator[tuple[str, Held]]:
         """Yield what it acts on."""
+        yield "", coordinate(self.axis, self.force is None, facing)
+
+    @property
+    def resisting(self) -> Mapping[str, tuple[Resistance, ...]]:
+        """The torque or the force."""
         law = self.law.build() if self.law else None
-        push = Push((self.torque or 0.0) if self.force is None else self.force, law)
-        yield "", self._acted_on(facing), (push,)
+        return {"": (Push((self.torque or 0.0) if self.force is None else self.force, law),)}
 
-    def _acted_on(self, facing: Array | None) -> Held:
-        if facing is None or self.force is not None:
-            return coordinate(self.axis, self.force is None, facing)
-        from hfsim.mechanics.spatial_turns import TorqueAbout, about
+    def resisted(self, facing: Array | None = None) -> Iterator[tuple[str, Held, tuple[Resistance, ...]]]:
+        """Yield what it acts on: in space a torque does that whatever the angle."""
+        for key, held in self.coordinates(facing):
+            if facing is not None and self.force is None:
+                from hfsim.mechanics.spatial_turns import TorqueAbout, about
 
-        return TorqueAbout(about(self.axis, facing))
+                held = TorqueAbout(about(self.axis, facing))
+            yield key, held, self.resisting[key]

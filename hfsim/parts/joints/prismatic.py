@@ -1,6 +1,6 @@
 """Prismatic joint: one point slides along an axis of the other body."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Literal
 
 from hfsim.deck.fields import Angle, Axis, Orientation, degrees_as_radians
@@ -8,6 +8,7 @@ from hfsim.deck.spec import Around, Complaint
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import across
 from hfsim.mechanics.constraints import Held, Shift, Turn
+from hfsim.parts.joints._coordinate import coordinate
 from hfsim.parts.resistances import SlidingResistanceSpec
 from hfsim.parts.specs import JointSpec
 
@@ -20,6 +21,7 @@ class PrismaticSpec(JointSpec, SlidingResistanceSpec):
 
     vectors = ("axis",)
     spatial = ("orientation",)
+    measures = (("m", ""),)
 
     type: Literal["prismatic"]
 
@@ -45,8 +47,11 @@ class PrismaticSpec(JointSpec, SlidingResistanceSpec):
 
         return *(Shift(side) for side in across(self.axis or THIRD)), Facing.of(facing)
 
-    def resisted(self, facing: Array | None = None) -> "Iterator[tuple[str, Held, tuple[Resistance, ...]]]":
+    def coordinates(self, facing: Array | None = None) -> Iterator[tuple[str, Held]]:
         """Yield the shift."""
-        if self.resistances:
-            first = (1.0, 0.0) if facing is None else (0.0, 0.0, 1.0)
-            yield "", Shift(self.axis or first), self.resistances
+        yield "", coordinate(self.axis, False, facing)
+
+    @property
+    def resisting(self) -> "Mapping[str, tuple[Resistance, ...]]":
+        """What resists the shift."""
+        return {"": self.resistances}

@@ -1,11 +1,12 @@
 """Revolute joint: two points stay together, and in space an axis."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Literal
 
 from hfsim.deck.fields import Axis
 from hfsim.maths.arrays import Array
-from hfsim.mechanics.constraints import Held, Shift, Turn
+from hfsim.mechanics.constraints import Held, Shift
+from hfsim.parts.joints._coordinate import coordinate
 from hfsim.parts.resistances import TurningResistanceSpec
 from hfsim.parts.specs import JointSpec
 
@@ -21,6 +22,7 @@ class RevoluteSpec(JointSpec, TurningResistanceSpec):
 
     vectors = spatial = ("axis",)
     meets = turns = follows_start = True
+    measures = (("rad", ""),)
 
     type: Literal["revolute"]
 
@@ -35,13 +37,11 @@ class RevoluteSpec(JointSpec, TurningResistanceSpec):
 
         return Shift(), shared_axis(self.axis, facing)
 
-    def resisted(self, facing: Array | None = None) -> "Iterator[tuple[str, Held, tuple[Resistance, ...]]]":
+    def coordinates(self, facing: Array | None = None) -> Iterator[tuple[str, Held]]:
         """Yield the turn."""
-        if not self.resistances:
-            return
-        if facing is None:
-            yield "", Turn(), self.resistances
-        else:
-            from hfsim.mechanics.spatial_turns import about
+        yield "", coordinate(self.axis, True, facing)
 
-            yield "", about(self.axis, facing), self.resistances
+    @property
+    def resisting(self) -> "Mapping[str, tuple[Resistance, ...]]":
+        """What resists the turn."""
+        return {"": self.resistances}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Literal
 
 from hfsim.deck.fields import (
@@ -19,13 +19,16 @@ from hfsim.deck.spec import Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held
 from hfsim.mechanics.resistances import Control, Resistance
-from hfsim.parts.joints._actuator import ActuatorSpec, coordinate
+from hfsim.parts.joints._actuator import ActuatorSpec
+from hfsim.parts.joints._coordinate import coordinate
 
 
 class ServoSpec(ActuatorSpec):
     """Pulls the angle of B relative to A, or the distance of B from A along an axis, towards a law of time:
     stiffness times what is missing plus damping times the rate that is. It holds nothing.
     """
+
+    measures = (("rad", "angle"), ("m", "position"))
 
     type: Literal["servo"]
 
@@ -65,12 +68,16 @@ class ServoSpec(ActuatorSpec):
         """Whether it acts on a distance."""
         return self.position is not None
 
-    def resisted(self, facing: Array | None = None) -> Iterator[tuple[str, Held, tuple[Resistance, ...]]]:
+    def coordinates(self, facing: Array | None = None) -> Iterator[tuple[str, Held]]:
         """Yield what it acts on."""
+        yield "", coordinate(self.axis, self.position is None, facing)
+
+    @property
+    def resisting(self) -> Mapping[str, tuple[Resistance, ...]]:
+        """The control."""
         law = self.angle or self.position
         assert law is not None
-        control = Control(law.build(), self.stiffness, self.damping, self.limit)
-        yield "", coordinate(self.axis, self.position is None, facing), (control,)
+        return {"": (Control(law.build(), self.stiffness, self.damping, self.limit),)}
 
 
 class SlidingServoSpec(ServoSpec):
