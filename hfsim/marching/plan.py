@@ -98,7 +98,7 @@ def _kept(scene: Scene) -> Iterator[dict[str, Any]]:
             "terms_of_Q": 1,
         } | part.counts
     for channel in scene.deck.channels:
-        yield {"item": channel, "what": "output column", "reason": _needs(channel), "columns": 1}
+        yield {"item": channel, "what": "output column", "reason": _needs(scene, channel), "columns": 1}
     yield {
         "item": "checks",
         "what": "energies and violations of the joints at the ends of all steps",
@@ -152,14 +152,14 @@ def _idle(scene: Scene, part: ForcePart) -> bool:
     return part.idle or (name in entries and not entries[name].acts)
 
 
-def _needs(channel: str) -> str:
-    kind = kind_of(channel)
-    if kind.subject == "joint":
+def _needs(scene: Scene, channel: str) -> str:
+    kind = kind_of(channel, scene.deck)
+    if kind.solves and channel.partition(".")[0] not in scene.deck.springs:
         return "asked for; needs all multipliers at output times"
     if kind.of_strains:
         return "asked for; needs the strains of the beam at output times"
-    if kind.in_frame:
-        return "asked for; needs the full turns of the body frame"
+    if kind.of_turns:
+        return "asked for; needs full turns"
     if kind.of_scene:
         return "asked for; needs sums over the scene at output times"
     return "asked for; read at output times"

@@ -113,7 +113,7 @@ def table_of(samples: SceneSamples, names: Sequence[str] = ()) -> Array:
     table[:, 0] = samples.t
     for some, part in samples.batches():
         for k, name in enumerate(names, start=1):
-            table[some, k] = kind_of(name).compute(part, name.rpartition(".")[0])
+            table[some, k] = kind_of(name, samples.scene.deck).compute(part, name.rpartition(".")[0])
     return table
 
 

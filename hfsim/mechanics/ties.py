@@ -51,6 +51,11 @@ class Tie(PointPart):
         """Both points."""
         return self.first, self.second
 
+    @property
+    def measures(self) -> bool:
+        """Whether the coordinate has a value, not a rate alone."""
+        return True
+
     @cached_property
     def _ends(self) -> tuple[tuple[int, Marker], ...]:
         """The ends that can move, with their numbers."""
@@ -106,6 +111,15 @@ class Tie(PointPart):
         rates = [(J * u[:, end.columns]).sum(axis=-1) for (_, end), J in zip(self._ends, rows, strict=True)]
         first, *others = rates or [np.zeros(len(u))]
         return np.asarray(sum(others, first))
+
+    def rate(self, t: Array, x: Array, u: Array) -> Array:
+        """Return the rate of the coordinate, shape (n_batch,)."""
+        return self._rate(self.measured(t, x)[1], u)
+
+    def effort(self, t: Array, x: Array, u: Array) -> Array:
+        """Return what it does to the second end along the coordinate [N or N m], shape (n_batch,)."""
+        s, w, _ = self._all(t, x, u)
+        return -self._sum(t, s, w)
 
     def _all(self, t: Array, x: Array, u: Array) -> tuple[Array, Array, list[Array]]:
         """Return the coordinate, its rate where that counts, and its derivatives."""
@@ -251,6 +265,11 @@ class GapTie(Tie):
         return cls(first, second, resistances, measure, None if known else TurnCount())
 
     @property
+    def measures(self) -> bool:
+        """Whether the gap is more than a rate."""
+        return self.measure.counts_turns
+
+    @property
     def quartic(self) -> bool:
         """Whether the coordinate is linear in those of the bodies, and the resistances suit."""
         angle = self.measure.holds_turn and self.first.linear_turn and self.second.linear_turn
@@ -273,6 +292,10 @@ class GapTie(Tie):
         if self.counter is not None:
             gap = self.counter.counted(t, gap)
         return gap, self._rows(x)
+
+    def unit_effort(self, x: Array) -> tuple[Array, Array]:
+        """Return the force, and the moment, on the second body that go with an effort of one."""
+        return self.measure.reaction(x, -np.ones((len(x), 1)))
 
     def reaction(self, t: Array, x: Array, u: Array) -> tuple[Array, Array]:
         """Return the force [N], (n_batch, n_dim), and moment [N m], (n_batch, n_spin), on the second body."""

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.force import ForcePart
@@ -41,11 +40,8 @@ def acting(
     gone = {*left_out["springs"], *left_out["loads"]}
     found, turns = [], FullTurns(deck)
     for item, ends, axis, part in (*_ties(deck, marker, x), *_loads(deck, bodies, marker)):
-        if part.counter is not None and deck.dimension == 2:
-            a, b = (angles.get(split_point(point)[0], 0.0) for point in ends)
-            part.counter.suppose(0.0, b - a)
-        elif part.counter is not None:
-            part.counter.suppose(0.0, turns.of(ends, axis, float(part.angle(x[None])[0])))
+        if part.counter is not None:
+            part.counter.suppose(0.0, turns.between(ends, axis, float(part.angle(x[None])[0]), angles))
         if item not in gone:
             found.append(replace(part, item=item))
     return found

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -20,11 +20,10 @@ from hfsim.mechanics.constraints import Constraint, constraints_of
 from hfsim.mechanics.elimination import eliminate
 from hfsim.mechanics.equations import Equations
 from hfsim.mechanics.force import merged
-from hfsim.mechanics.markers import GroundMarker, Marker
-from hfsim.mechanics.pose import Pose, Twist
+from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.pose import Twist
 from hfsim.mechanics.system import System
 from hfsim.parts.bodies.models import MODELS, Model
-from hfsim.parts.channels import kind_of
 from hfsim.scene.acting import acting, beyond_stops
 from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Frame, Linkage, Sense
@@ -32,12 +31,16 @@ from hfsim.scene.facing import Facings
 from hfsim.scene.freedom import FreeMotion, free_motions, slips
 from hfsim.scene.gauging import gauge_of
 from hfsim.scene.loading import LoadedDeck
+from hfsim.scene.measured import coordinate_of, refuse_unread, start_turns, ties_of
 from hfsim.scene.memory import refuse_too_large
+from hfsim.scene.points import find_marker
 from hfsim.scene.redundancy import Redundancy, redundancy
 from hfsim.scene.rules import LeftOut, apply_rules, connected, keeps, still_bodies, welds
 from hfsim.scene.schema import Deck
 from hfsim.scene.start import assembled
 from hfsim.scene.stated import Start
+
+_Found = TypeVar("_Found")
 
 
 @frozen
@@ -152,15 +155,27 @@ class Scene:
         still = still_bodies(self.deck, _kinds(self.loaded, self.models))
         return tuple(_part(self, group, still) for group in connected(self.deck, still))
 
-    def marker(self, point: str) -> Marker:
-        """Return the marker of a point such as ``b1.tip``."""
-        if point not in self._markers:
-            self._markers[point] = find_marker(point, self.bodies, self.deck)
-        return self._markers[point]
+    def marker(self, point: str, held: bool = False) -> Marker:
+        """Return the marker of a point such as ``b1.tip``, or what a joint holds there."""
+        return self._found((point, held), lambda: find_marker(point, self.bodies, self.deck, held))
+
+    def ties(self, name: str) -> tuple[Any, ...]:
+        """Return what a joint or a spring exerts on its coordinates."""
+        return self._found(("ties", name), lambda: ties_of(self, name))
+
+    def coordinate(self, name: str, unit: str) -> Any:
+        """Return what measures the angle (``rad``) or the distance (``m``) of a joint or a spring."""
+        return self._found((unit, name), lambda: coordinate_of(self, name, unit))
+
+    def _found(self, key: tuple[Any, ...], find: Callable[[], _Found]) -> _Found:
+        known: dict[tuple[Any, ...], _Found] = self._known
+        if key not in known:
+            known[key] = find()
+        return known[key]
 
     @cached_property
-    def _markers(self) -> dict[str, Marker]:
-        """Those that were asked for."""
+    def _known(self) -> dict[tuple[Any, ...], Any]:
+        """What was asked for."""
         return {}
 
 
@@ -206,7 +221,6 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
     kinds = _kinds(loaded, named)
     bodies = _bodies(deck, kinds)
     refuse_too_large(loaded, bodies)
-    _refuse_without_strains(loaded, bodies)
     joints, constraints = _joints(deck, bodies)
     start = _assembly(loaded, bodies)
     poses, twists = start.poses.values(), start.twists.values()
@@ -236,19 +250,13 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
     system = system.without(found.left_out) if found.left_out else system
     q, v = system.project(np.zeros(1), q, v)
     scene = replace(scene, system=system, q=q[0], v=v[0], redundancy=found)
-    if not deck.resting and deck.steady is None:
-        return scene
-    from hfsim.scene.resting import at_rest
+    refuse_unread(loaded, scene)
+    if deck.resting or deck.steady is not None:
+        from hfsim.scene.resting import at_rest
 
-    return replace(scene, **at_rest(scene)._asdict())
-
-
-def _refuse_without_strains(loaded: LoadedDeck, bodies: Mapping[str, Body]) -> None:
-    for k, channel in enumerate(loaded.deck.channels):
-        body = bodies.get(split_point(channel)[0])  # none where it is of another part
-        if kind_of(channel).of_strains and body and not len(body.outline_places):
-            message = f"{channel}: without strains, as in its model, a beam has no internal forces"
-            raise loaded.problem(f"output.channels.{k}", message, "take linear or exact")
+        scene = replace(scene, **at_rest(scene)._asdict())
+    turns = start_turns(scene)
+    return replace(scene, start_angles={**scene.start_angles, **turns}) if turns else scene
 
 
 def _kinds(loaded: LoadedDeck, models: Mapping[str, str]) -> dict[str, Model]:
@@ -324,16 +332,6 @@ def _coordinates(loaded: LoadedDeck, model: str, element: str | None) -> Literal
         why = f"{solve.method} needs a constant mass matrix, and that of {model} changes with the motion"
         raise loaded.problem("solve.method", why, "take gauss, or another model")
     return "absolute"
-
-
-def find_marker(point: str, bodies: Mapping[str, Body], deck: Deck, held: bool = False) -> Marker:
-    """Return the marker of a point as decks name it: ``BODY``, ``BODY.tip``, ``ground.name``; or its grip."""
-    owner, name = split_point(point)
-    if owner == "ground":
-        return GroundMarker(Pose.level(deck.ground.points[name] if name else (0.0,) * deck.dimension))
-    body = bodies[owner]
-    place = body.points[name] if name else body.origin
-    return body.grip(place) if held else body.marker(place)
 
 
 def _bodies(

@@ -1,13 +1,15 @@
 """Which channels a deck may ask for."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from hfsim.deck.fields import split_point
 from hfsim.deck.reader import Path
 from hfsim.deck.source import did_you_mean
-from hfsim.deck.spec import Complaint, shown
-from hfsim.parts.channels import CHANNELS, ChannelKind, scene_words
+from hfsim.deck.spec import Complaint, at, shown
+from hfsim.parts.channels import CHANNELS, OWNERS, ChannelKind, scene_words
+from hfsim.parts.forces import SPRINGS
+from hfsim.parts.joints import JOINTS
 from hfsim.scene.declared import Declared
 
 
@@ -43,26 +45,42 @@ class ChannelNames:
     def channel_complaint(self, path: Path, channel: str) -> Iterator[Complaint]:
         """Yield what is wrong with a channel that stands at a path."""
         owner, _, rest = channel.partition(".")
-        points, joints = self.declared.points, self.declared.names("joints")
-        subject = owner if owner in self._of_scene else ""
-        if not subject and owner in (joints or ()) and owner not in (self.declared.names("bodies") or ()):
-            subject = "joint"
-        if subject:
-            known = self._known(lambda kind: kind.subject == subject)
+        points, known = self.declared.points, self._known_of(owner)
+        others = {key: self.declared.names(key) for key in ("joints", "springs")}
+        if known is not None:
             if rest not in known:
                 yield _unknown_quantity(path, owner, rest, known)
+            elif CHANNELS[rest][-1].subject == "tie" and all(owner in (one or ()) for one in others.values()):
+                hint = "choose another name for one of them"
+                yield Complaint(path, f"a joint and a spring are called '{owner}'", hint)
         elif owner == "ground":
             yield Complaint(path, "the ground does not move", "name a point of a body")
-        elif points is not None and joints is not None and owner not in points:
-            owners = [*(name for name in points if name != "ground"), *joints, *self._of_scene]
-            yield Complaint(path, f"there is no body or joint '{owner}'", did_you_mean(owner, owners))
-        elif points is not None and joints is not None:
+        elif points is None or None in others.values():
+            return
+        elif owner not in points:
+            owners = [*points, *(name for names in others.values() for name in names or ()), *self._of_scene]
+            hint = did_you_mean(owner, [name for name in owners if name != "ground"])
+            yield Complaint(path, f"there is no body, joint or spring '{owner}'", hint)
+        else:
             yield from self._motion_complaint(path, channel)
+
+    def _known_of(self, owner: str) -> list[str] | None:
+        """Return the quantities of a joint, of a spring or of the scene; None where it is none of these."""
+        if owner in self._of_scene:
+            return self._known(lambda kind: kind.subject == owner)
+        if owner in (self.declared.names("bodies") or ()):
+            return None
+        for key, kinds in (("joint", JOINTS), ("spring", SPRINGS)):
+            if owner in (self.declared.names(f"{key}s") or ()):
+                units = _measured(self.declared.map(f"{key}s", owner), kinds)
+                return self._known(lambda one: one.subject in OWNERS[key] and one.measured in units)  # noqa: B023
+        return None
 
     def _known(self, fits: Callable[[ChannelKind], bool]) -> list[str]:
         """Return the quantities that space has, of those kinds that fit."""
         space = self.dimension or 2
-        return [name for name, kind in CHANNELS.items() if space in kind.dimensions and fits(kind)]
+        fitting = ((name, filter(fits, kinds)) for name, kinds in CHANNELS.items())
+        return [name for name, kinds in fitting if any(space in kind.dimensions for kind in kinds)]
 
     def _motion_complaint(self, path: Path, channel: str) -> Iterator[Complaint]:
         """Yield what is wrong with a channel of a body or of one of its points."""
@@ -70,8 +88,9 @@ class ChannelNames:
         owner, name = split_point(point or channel)
         body = self.declared.map("bodies", owner)
         beam, points = body.get("type") == "beam", self.declared.points
-        kind = CHANNELS.get(quantity) if point else None
-        if kind is None or kind.subject not in ("point", "body"):
+        kinds = (kind for kind in CHANNELS.get(quantity, ()) if point and kind.subject in OWNERS["body"])
+        kind = next(kinds, None)
+        if kind is None:
             of = ("point",) if name else ("point", "body")
             known = self._known(lambda one: one.subject in of and (beam or not one.only_beams))
             yield _unknown_quantity(path, point or channel, quantity if point else "", known)
@@ -98,6 +117,12 @@ class ChannelNames:
         stations = body.get("stations")
         named = [one for one in stations if isinstance(one, dict)] if isinstance(stations, list) else [body]
         return [self.declared.map("sections", str(one.get("section"))) for one in named]
+
+
+def _measured(entry: Mapping[str, Any], kinds: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the units of what a joint or a spring measures, and that of what measures nothing."""
+    place = kinds.get(str(entry.get("type")))
+    return "", *(unit for unit, key in (at(place).measures if place else ()) if not key or key in entry)
 
 
 def _unknown_quantity(path: Path, owner: str, quantity: str, known: Sequence[str]) -> Complaint:

@@ -1,4 +1,4 @@
-"""Full turns that a deck states of bodies in space: what angles about axes are counted from at the start."""
+"""Full turns that a deck states of bodies: what angles between them are counted from at the start."""
 
 from __future__ import annotations
 
@@ -17,23 +17,30 @@ from hfsim.scene.schema import Deck
 
 
 class FullTurns:
-    """Rotation vectors of bodies, with the full turns that a deck states or that joints hand on."""
+    """Turns of bodies, full ones included, that a deck states or that joints hand on."""
 
     def __init__(self, deck: Deck) -> None:
         self._deck = deck
 
-    def of(self, ends: Sequence[str], axis: Sequence[float] | None, angle: float) -> float:
-        """Return the angle about an axis that differs by full turns and is next to what the deck states.
+    def between(
+        self, ends: Sequence[str], axis: Sequence[float] | None, angle: float, angles: Mapping[str, float]
+    ) -> float:
+        """Return about which angle B is turned against A at the start, its full turns counted.
 
         Parameters
         ----------
         ends : sequence of str
             Points on the bodies A and B.
         axis : sequence of float, optional
-            In A's frame; the third one without it.
+            In A's frame, in space; the third one without it.
         angle : float
-            That of B against A at the start, up to full turns [rad].
+            What is measured, up to full turns [rad].
+        angles : mapping of str to float
+            Angles of the bodies in the plane, with the turns that the deck states [rad].
         """
+        if self._deck.dimension == 2:
+            a, b = (angles.get(split_point(point)[0], 0.0) for point in ends)
+            return b - a
         stated = self._stated(tuple(split_point(end)[0] for end in ends), _unit(axis))
         return angle if stated is None else stated + float(wrap(np.array(angle - stated)))
 

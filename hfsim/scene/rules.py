@@ -381,7 +381,7 @@ def _parts_of(names: Iterable[str], ties: Iterable[Collection[str]]) -> dict[str
     passes_over_all_steps=1,
 )
 def _turns(deck: Deck, models: Models) -> Items:
-    asked = {channel.split(".")[0] for channel in deck.channels if kind_of(channel).in_frame}
+    asked = {channel.split(".")[0] for channel in deck.channels if kind_of(channel).of_turns}
     # elsewhere the angle is a coordinate
     nodal = (name for name, model in models.items() if model.strain == "exact" and not model.frame)
     return tuple(f"turns of bodies.{name}" for name in nodal if name not in asked)

@@ -15,6 +15,7 @@ from hfsim.mechanics.body import Body
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.mechanics.system import System
 from hfsim.scene.build import Scene
+from hfsim.scene.measured import uncounted
 from hfsim.trust.quasistatic import deformation_of
 
 CLOSING = 4
@@ -45,6 +46,7 @@ def hand_over(old: Scene, new: Scene, path: Trajectory) -> tuple[Scene, float]:
     x, u = old.system.absolute(q[None]), old.system.absolute_velocity(q[None], v[None])
     _hand_turns(old.system, new.system, time, x)
     arranged, angles = old.system.arranged(q[None]), dict(old.start_angles)
+    turns = {name: old.coordinate(name, "rad").measured(time, x)[0] for name in uncounted(new)} | turns
     angles |= {name: float(turn[0]) for name, turn in turns.items()}
     for name, body in old.bodies.items():
         if body.angle_column is not None:

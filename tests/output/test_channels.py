@@ -22,9 +22,9 @@ def _power(samples, subject):
 
 @pytest.fixture
 def deck(monkeypatch, tmp_path):
-    monkeypatch.setitem(CHANNELS, "height", ChannelKind("km", _height, "point", Plot("height", "height")))
-    monkeypatch.setitem(CHANNELS, "supplied", ChannelKind("W", _power, "power", judged="never"))
-    monkeypatch.setitem(CHANNELS, "roll", ChannelKind("rad", _height, "point", dimensions=(3,)))
+    monkeypatch.setitem(CHANNELS, "height", (ChannelKind("km", _height, "point", Plot("height", "height")),))
+    monkeypatch.setitem(CHANNELS, "supplied", (ChannelKind("W", _power, "power", judged="never"),))
+    monkeypatch.setitem(CHANNELS, "roll", (ChannelKind("rad", _height, "point", dimensions=(3,)),))
     monkeypatch.chdir(tmp_path)
     shutil.copy(CASES / "pendulum.yaml", "own.yaml")
     return "own.yaml"

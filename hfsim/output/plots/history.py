@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -37,7 +38,7 @@ def time_figures(run: Run) -> dict[str, Sheet]:
     figures: dict[str, Sheet] = {}
     run = replace(run, channels=levelled(run.channels, run.outlines))
     kinds = [(channel, kind_of(channel.name).plot) for channel in run.channels]
-    for stem in dict.fromkeys(kind.plot.stem for kind in CHANNELS.values() if kind.plot.stem):
+    for stem in dict.fromkeys(kind.plot.stem for kind in chain(*CHANNELS.values()) if kind.plot.stem):
         chosen = [channel for channel, plot in kinds if plot.stem == stem]
         if chosen:
             figures[stem] = _time_figure(run, chosen)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -31,6 +31,12 @@ class Sampled(Protocol):
     @property
     def joints(self) -> Mapping[str, tuple[int, ...]]:
         """Which constraints of the system each joint is made of."""
+
+    def ties(self, name: str) -> Sequence[Any]:
+        """Return what a joint, or a spring, exerts on its coordinates."""
+
+    def coordinate(self, name: str, unit: str) -> Any:
+        """Return what measures the angle (``rad``) or the distance (``m``) of a joint or a spring."""
 
     def marker(self, point: str) -> Marker:
         """Return the marker of a point such as ``b1.tip``."""
@@ -63,6 +69,11 @@ class Samples:
     def u(self) -> Array:
         """Rates of the absolute coordinates."""
         return self.scene.system.absolute_velocity(self.q, self.v)
+
+    @property
+    def state(self) -> tuple[Array, Array, Array]:
+        """Times, absolute coordinates and their rates."""
+        return self.t, self.x, self.u
 
     @cached_property
     def solved(self) -> tuple[Array, Array]:
@@ -105,8 +116,7 @@ class Samples:
 
         body, (accelerations, multipliers) = self.scene.bodies[name], self.solved
         if name not in self._acting:
-            states = self.t, self.x, self.u
-            self._acting[name] = acting_on(self.scene.system, body.columns, *states, multipliers)
+            self._acting[name] = acting_on(self.scene.system, body.columns, *self.state, multipliers)
         return body.section_forces(self.x, self.u, accelerations, self._acting[name], places)
 
     def frame(self, body: str) -> Array:
@@ -118,6 +128,10 @@ class Samples:
 def body_places(body: Body, point: str) -> Array:
     """Return how far from the root of a beam one of its points, or without a name the root, is, (1,) [m]."""
     return np.array([body.points[point][0] if point else 0.0])
+
+
+OWNERS = {"body": ("point", "body"), "joint": ("joint", "tie"), "spring": ("tie",)}
+"""Subjects of channels that name a body, a joint, a spring."""
 
 
 class Plot(NamedTuple):
@@ -138,6 +152,10 @@ class Plot(NamedTuple):
     rows: bool = False
 
 
+OF_ANGLES, OF_SPINS = (Plot(words, words.replace(" ", "_")) for words in ("angle", "angular velocity"))
+"""Pictures of bodies and of joints and springs alike."""
+
+
 class ChannelKind(NamedTuple):
     """All that is known of channels that end in the same word.
 
@@ -148,24 +166,28 @@ class ChannelKind(NamedTuple):
     compute : callable
         The function (samples, subject) -> one value per time.
     subject : str
-        What such a channel is of: ``point`` (or body, which is its origin), ``body``, ``joint``; or the word
-        that stands for the whole scene in its name, such as ``energy``.
+        What such a channel is of: ``point`` (or body, which is its origin), ``body``, ``joint``, ``tie``
+        (joint or spring); or the word that stands for the whole scene in its name, such as ``energy``.
     plot : Plot
         The picture it is drawn in.
     dimensions : tuple of int
         Of the spaces that have it.
     only_beams : bool
         Whether the body must be a beam.
-    in_frame : bool
-        Whether it is measured in the body's frame, and so needs the frame's full turns.
+    of_turns : bool
+        Whether it needs full turns that coordinates may lack: of the body's frame, of a joint's angle.
     of_sections : bool
         Whether the beam's element must have sections, as a cable has not.
     of_strains : bool
         Whether the beam's model must have strains.
+    solves : bool
+        Whether it needs accelerations and multipliers.
     of_shape : bool
         Whether its section must have a shape that is known.
     judged : str
         When errors in it count: residuals never do, nor does an energy that is conserved.
+    measured : str
+        Unit of the coordinate that a joint or a spring must have; empty where it need have none.
     others : callable or None
         Other values, (n_times, n), that mean the same as these of all such quantities of a subject, if any.
     """
@@ -176,14 +198,16 @@ class ChannelKind(NamedTuple):
     plot: Plot = Plot()
     dimensions: tuple[int, ...] = (2, 3)
     only_beams: bool = False
-    in_frame: bool = False
+    of_turns: bool = False
     of_sections: bool = False
     of_strains: bool = False
+    solves: bool = False
     of_shape: bool = False
     judged: Literal["always", "unless conserved", "never"] = "always"
+    measured: str = ""
     others: Callable[[Array], Array] | None = None
 
     @property
     def of_scene(self) -> bool:
         """Whether it is of the whole scene."""
-        return self.subject not in ("point", "body", "joint")
+        return not any(self.subject in subjects for subjects in OWNERS.values())

@@ -43,7 +43,7 @@ def _twist(samples: Samples, point: str) -> Array:
 
 _DEFLECTION = Plot("deflection", "deflection")
 DEFLECTION = ChannelKind(
-    "m", _deflection(1), "point", _DEFLECTION, dimensions=(2,), only_beams=True, in_frame=True
+    "m", _deflection(1), "point", _DEFLECTION, dimensions=(2,), only_beams=True, of_turns=True
 )
 """Distance of a point from the first axis of its body frame, across it."""
 DEFLECTIONS = tuple(
@@ -53,7 +53,7 @@ DEFLECTIONS = tuple(
 """The same in space, along the second and the third axis."""
 
 ELONGATION = ChannelKind(
-    "m", _elongation, "point", Plot("elongation", "elongation"), only_beams=True, in_frame=True
+    "m", _elongation, "point", Plot("elongation", "elongation"), only_beams=True, of_turns=True
 )
 """Displacement of a point along the first axis of its body frame."""
 

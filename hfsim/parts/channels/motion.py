@@ -8,7 +8,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import quaternion, rotation_vector
-from hfsim.parts.channels._base import ChannelKind, Plot, Samples
+from hfsim.parts.channels._base import OF_ANGLES, OF_SPINS, ChannelKind, Plot, Samples
 
 _POSITION, _VELOCITY = Plot("position", "position", rows=True), Plot("velocity", "velocity")
 
@@ -34,6 +34,30 @@ def _angular_velocity(axis: int) -> Callable[[Samples, str], Array]:
     return lambda samples, body: samples.scene.marker(body).spin(samples.x, samples.u)[:, axis]
 
 
+def _accelerations(samples: Samples, point: str) -> Array:
+    """Return the acceleration of a point [m/s^2], shape (n_times, n_dim)."""
+    marker, (x, u) = samples.scene.marker(point), (samples.x, samples.u)
+    changing = marker.position_jacobian(x) @ samples.solved[0][:, marker.columns, None]
+    return np.asarray(changing[..., 0] + marker.position_bias(x, u))
+
+
+def _acceleration(axis: int) -> Callable[[Samples, str], Array]:
+    return lambda samples, point: _accelerations(samples, point)[:, axis]
+
+
+def _acceleration_size(samples: Samples, point: str) -> Array:
+    return np.asarray(np.linalg.norm(_accelerations(samples, point), axis=1))
+
+
+def _angular_acceleration(axis: int) -> Callable[[Samples, str], Array]:
+    def angular_acceleration(samples: Samples, body: str) -> Array:
+        marker, (x, u) = samples.scene.marker(body), (samples.x, samples.u)
+        changing = marker.spin_jacobian(x) @ samples.solved[0][:, marker.columns, None]
+        return np.asarray(changing[..., 0] + marker.spin_bias(x, u))[:, axis]
+
+    return angular_acceleration
+
+
 def _rotation(axis: int) -> Callable[[Samples, str], Array]:
     return lambda samples, body: rotation_vector(samples.frame(body))[:, axis]
 
@@ -57,15 +81,26 @@ VZ = ChannelKind("m/s", _velocity(2), "point", _VELOCITY, dimensions=(3,))
 SPEED = ChannelKind("m/s", _speed, "point", _VELOCITY)
 """Magnitude of the velocity of a point."""
 
-_ANGLE = Plot("angle", "angle")
-ANGLE = ChannelKind("rad", Samples.frame_angle, "body", _ANGLE, dimensions=(2,), in_frame=True)
+_ACCELERATION = Plot("acceleration", "acceleration", rows=True)
+AX, AY = (ChannelKind("m/s^2", _acceleration(axis), "point", _ACCELERATION, solves=True) for axis in (0, 1))
+AZ = ChannelKind("m/s^2", _acceleration(2), "point", _ACCELERATION, solves=True, dimensions=(3,))
+ACCELERATION = ChannelKind("m/s^2", _acceleration_size, "point", _ACCELERATION, solves=True)
+"""Magnitude of the acceleration of a point."""
+
+ANGLE = ChannelKind("rad", Samples.frame_angle, "body", OF_ANGLES, dimensions=(2,), of_turns=True)
 """Angle of a body frame, continuous over full turns."""
-_SPIN = Plot("angular velocity", "angular_velocity")
-ANGULAR_VELOCITY = ChannelKind("rad/s", _angular_velocity(0), "body", _SPIN, dimensions=(2,))
+ANGULAR_VELOCITY = ChannelKind("rad/s", _angular_velocity(0), "body", OF_SPINS, dimensions=(2,))
 SPINS = tuple(
-    ChannelKind("rad/s", _angular_velocity(axis), "body", _SPIN, dimensions=(3,)) for axis in range(3)
+    ChannelKind("rad/s", _angular_velocity(axis), "body", OF_SPINS, dimensions=(3,)) for axis in range(3)
 )
 """Angular velocity of a body frame, in ground axes."""
+_CHANGE = Plot("angular acceleration", "angular_acceleration")
+ANGULAR_ACCELERATION, *_IN_SPACE = (
+    ChannelKind("rad/s^2", _angular_acceleration(axis), "body", _CHANGE, dimensions=(n_dim,), solves=True)
+    for n_dim, axis in ((2, 0), (3, 0), (3, 1), (3, 2))
+)
+ANGULAR_ACCELERATIONS = tuple(_IN_SPACE)
+"""Rate of that."""
 
 _ROTATION = Plot("rotation vector", "rotation")
 ROTATIONS = tuple(

@@ -29,6 +29,7 @@ class RotationalSpec(TurningResistanceSpec, CoordinateSpringSpec):
 
     vectors = ("axis",)
     spatial = ("axis", "orientation")
+    measures = (("rad", ""),)
 
     type: Literal["rotational"]
     """Kind of spring."""

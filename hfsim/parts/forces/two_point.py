@@ -16,6 +16,7 @@ class TwoPointSpec(SlidingResistanceSpec, CoordinateSpringSpec):
     """Spring and damper on the distance of two points."""
 
     carries = True
+    measures = (("m", ""),)
 
     type: Literal["two_point"]
     """Kind of spring."""

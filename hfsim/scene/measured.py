@@ -1,0 +1,136 @@
+"""Angles and distances of joints and springs that channels ask for: what measures them, their full turns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.maths.rotations import wrap
+from hfsim.mechanics.body import Body
+from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.system import System
+from hfsim.parts.channels import ChannelKind, kind_of
+from hfsim.parts.forces import AnySpring
+from hfsim.parts.joints import AnyJoint
+from hfsim.scene.facing import Facings
+from hfsim.scene.full_turns import FullTurns
+from hfsim.scene.loading import LoadedDeck
+from hfsim.scene.schema import Deck
+
+if TYPE_CHECKING:
+    from hfsim.mechanics.ties import Tie
+
+
+class Assembled(Protocol):
+    """What is asked of an assembled scene."""
+
+    @property
+    def deck(self) -> Deck:
+        """The deck."""
+
+    @property
+    def system(self) -> System:
+        """The system."""
+
+    @property
+    def q(self) -> Array:
+        """State at the start, shape (n,)."""
+
+    @property
+    def start_angles(self) -> Mapping[str, float]:
+        """Angle of each body frame at the start [rad]."""
+
+    def marker(self, point: str, held: bool = False) -> Marker:
+        """Return the marker of a point, or what a joint holds there."""
+
+    @property
+    def bodies(self) -> Mapping[str, Body]:
+        """Bodies by their names."""
+
+    def coordinate(self, name: str, unit: str) -> Any:
+        """Return what measures the angle or the distance of a joint or a spring, if anything."""
+
+
+def ties_of(scene: Assembled, name: str) -> tuple[Tie, ...]:
+    """Return what a joint, or a spring of a name that no joint has, exerts on its coordinates."""
+    from hfsim.mechanics.ties import Tie
+
+    own = ["joints" if name in scene.deck.joints else "springs", name]
+    every = (one for one in scene.system.forces if isinstance(one, Tie))
+    return tuple(one for one in every if one.item.split(".")[:2] == own)
+
+
+def coordinate_of(scene: Assembled, name: str, unit: str) -> Tie | None:
+    """Return what measures the angle (``rad``) or the distance (``m``) of a joint or a spring."""
+    return _acting(scene, name, unit) or _idle(scene, name, unit)
+
+
+def _acting(scene: Assembled, name: str, unit: str) -> Tie | None:
+    """Return what is exerted on a coordinate, if anything: it counts its turns along a motion."""
+    return next((one for one in ties_of(scene, name) if one.unit == unit and one.measures), None)
+
+
+def _idle(scene: Assembled, name: str, unit: str) -> Tie | None:
+    """Return what measures a coordinate without acting on it."""
+    from hfsim.mechanics.ties import tie_on
+
+    deck = scene.deck
+    a, b = (scene.marker(point, held=True) for point in _tied(deck, name).between)
+    if name not in deck.joints:
+        return deck.springs[name].build(a, b, scene.system.absolute(scene.q[None])[0])
+    own = (held for _, held in deck.joints[name].coordinates(*Facings(deck).of(deck.joints[name])))
+    known = (tie_on(held, a, b, ()) for held in own if held.fits(a.n_axes == 1, b.n_axes == 1))
+    return next((tie for tie in known if tie.unit == unit), None)
+
+
+def _tied(deck: Deck, name: str) -> AnyJoint | AnySpring:
+    """Return the entry of a joint, or of a spring of a name that no joint has."""
+    return deck.joints[name] if name in deck.joints else deck.springs[name]
+
+
+def refuse_unread(loaded: LoadedDeck, scene: Assembled) -> None:
+    """Refuse channels of internal forces where there are no strains, and of angles that have no meaning.
+
+    Raises
+    ------
+    DeckError
+    """
+    for k, (name, kind) in enumerate(_asked(scene.deck)):
+        path, channel, body = f"output.channels.{k}", scene.deck.channels[k], scene.bodies.get(name)
+        if kind.of_strains and body and not len(body.outline_places):  # none where it is of another part
+            message = f"{channel}: without strains, as in its model, a beam has no internal forces"
+            raise loaded.problem(path, message, "take linear or exact")
+        if kind.measured and scene.coordinate(name, kind.measured) is None:
+            message = f"{channel}: about its axis a line without sections has no angle"
+            raise loaded.problem(path, message, "take element: cosserat")
+
+
+def _asked(deck: Deck) -> Iterator[tuple[str, ChannelKind]]:
+    """Yield owner and kind of each channel; a part of a scene has not all owners."""
+    of = {**deck.bodies, **deck.joints, **deck.springs}
+    for channel in deck.channels:
+        name = channel.partition(".")[0]
+        kind = kind_of(channel, deck)
+        yield name, kind if name in of else kind._replace(measured="")
+
+
+def uncounted(scene: Assembled) -> dict[str, Tie]:
+    """Return what measures angles that channels ask for and that nothing counts the turns of, by owners."""
+    asked = {name for name, kind in _asked(scene.deck) if kind.measured == "rad" and kind.of_turns}
+    idle = {name: scene.coordinate(name, "rad") for name in sorted(asked) if not _acting(scene, name, "rad")}
+    return {name: tie for name, tie in idle.items() if tie.counter is not None}
+
+
+def start_turns(scene: Assembled) -> dict[str, float]:
+    """Return these angles at the start, with the full turns that the deck states [rad]."""
+    deck, x, turns = scene.deck, scene.system.absolute(scene.q[None]), FullTurns(scene.deck)
+    found = {}
+    for name, tie in uncounted(scene).items():
+        spec = _tied(deck, name)
+        measured = float(tie.angle(x)[0])
+        near = turns.between(spec.between, getattr(spec, "axis", None), measured, scene.start_angles)
+        found[name] = near + float(wrap(np.array(measured - near)))
+    return found
