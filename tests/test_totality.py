@@ -113,12 +113,14 @@ EXAMPLES = {
         "explicit": {},
     },
     "channel": {
-        **{name: f"arm.tip.{name}" for name in ("x", "y", "vx", "vy", "speed", "deflection", "elongation")},
+        **{name: f"arm.tip.{name}" for name in ("x", "y", "vx", "vy", "speed", "ax", "ay")},
+        **{name: f"arm.tip.{name}" for name in ("acceleration", "deflection", "elongation")},
         **{name: f"arm.root.{name}" for name in ("axial_force", "shear_force", "bending_moment", "stress")},
-        **{name: f"hub.{name}" for name in ("angle", "angular_velocity")},
+        **{name: f"hub.{name}" for name in ("angle", "angular_velocity", "angular_acceleration")},
         **{name: f"energy.{name}" for name in ("kinetic", "strain", "potential", "total")},
         **{name: f"constraint.{name}" for name in ("position", "velocity")},
-        **{name: f"pin.{name}" for name in ("force_x", "force_y", "moment")},
+        **{name: f"pin.{name}" for name in ("force_x", "force_y", "moment", "torque", "power")},
+        **{name: f"stay.{name}" for name in ("distance", "distance_rate", "force")},
     },
 }
 """For each kind and name, what a deck says besides the name; of models and rules it says no more."""
@@ -131,7 +133,7 @@ REGISTERED = {
     "element": ELEMENTS,
     "model": MODELS,
     "integrator": METHODS,
-    "channel": [name for name, kind in CHANNELS.items() if len(SCENE["gravity"]) in kind.dimensions],
+    "channel": [name for name, kinds in CHANNELS.items() if any(2 in kind.dimensions for kind in kinds)],
     "rule": RULES,
 }
 NEVER_DRAWN = ("law", "integrator", "rule")
@@ -198,6 +200,7 @@ def test_all_that_is_registered_goes_all_the_way(kind, name, tmp_path):
 def channels(tmp_path_factory):
     """Names and values of what is written of a scene with all channels."""
     deck = deepcopy(SCENE)
+    deck["springs"] = {"stay": {"type": "two_point", "between": ["ground", "arm.tip"], "stiffness": 1.0}}
     deck["output"]["channels"] = list(EXAMPLES["channel"].values())
     results = goes_all_the_way(yaml.safe_dump(deck), tmp_path_factory.mktemp("channels"))
     names, *rows = (line.split(",") for line in (results / "history.csv").read_text().splitlines())

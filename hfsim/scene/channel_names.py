@@ -73,6 +73,7 @@ class ChannelNames:
         for key, kinds in (("joint", JOINTS), ("spring", SPRINGS)):
             if owner in (self.declared.names(f"{key}s") or ()):
                 units = _measured(self.declared.map(f"{key}s", owner), kinds)
+                units += ("",) if units or key == "joint" else ()
                 return self._known(lambda one: one.subject in OWNERS[key] and one.measured in units)  # noqa: B023
         return None
 
@@ -120,9 +121,10 @@ class ChannelNames:
 
 
 def _measured(entry: Mapping[str, Any], kinds: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the units of what a joint or a spring measures, and that of what measures nothing."""
-    place = kinds.get(str(entry.get("type")))
-    return "", *(unit for unit, key in (at(place).measures if place else ()) if not key or key in entry)
+    """Return the units of what a joint or a spring measures."""
+    spec = kinds.get(str(entry.get("type")))
+    spec = at(spec) if isinstance(spec, str) else spec
+    return tuple(unit for unit, key in (spec.measures if spec else ()) if not key or key in entry)
 
 
 def _unknown_quantity(path: Path, owner: str, quantity: str, known: Sequence[str]) -> Complaint:

@@ -181,12 +181,12 @@ def test_the_last_state_is_written(interval, rows):
 
 
 def test_rows_end_before_the_first_that_is_not_finite(monkeypatch):
-    good = CHANNELS["elongation"]
+    (good,) = CHANNELS["elongation"]
 
     def spoiled(samples, subject):
         return np.where(samples.t > 0.5, np.nan, good.compute(samples, subject))
 
-    monkeypatch.setitem(CHANNELS, "elongation", good._replace(compute=spoiled))
+    monkeypatch.setitem(CHANNELS, "elongation", (good._replace(compute=spoiled),))
     loaded = load_deck(CASES / "pendulum.yaml", ["output.channels=[b1.tip.x, b1.tip.elongation]"])
     notes = Notes()
     done = run(loaded, notes)
