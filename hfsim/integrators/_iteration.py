@@ -122,17 +122,23 @@ class Iteration:
         self._back = table.A2_inverse / (h * h)
 
     def guess(self, a0: Array) -> None:
-        """Let modes swing freely from the start of the step, where accelerations are ``a0``."""
+        """Let modes swing freely from the start of the step, where accelerations are ``a0``.
+
+        They do so while everything turns on, where it turns as one.
+        """
         _, q, v, h = self._place
-        natural = self.derivative.increments
+        natural, times, carrying = self.derivative.increments, h * self._table.nodes, self._problem.carrying
+        carried = None if carrying is None else carrying.along(q, v, a0, times)
         at = natural.geometry(q[None])
-        rates = (rate[0] for rate in natural.rates(at, v[None], a0[None]))
+        v0, a0 = (v, a0) if carried is None else (carried.v, carried.a)
+        rates = (rate[0] for rate in natural.rates(at, v0[None], a0[None]))
         y = self.derivative.free_motion(self._table, Start(at, a0, *rates), h)
         moved = natural.advance(at, y)
+        moved = moved if carried is None else carried.moved + carried.seen(moved)
         if self._problem.strains is not None:
             seen = self._problem.strains.seen(q[None])
             self.expected = np.asarray(seen + self.derivative.strain_changes(y))
-        self.a = np.asarray(self._back @ (moved - (h * self._table.nodes)[:, None] * v))
+        self.a = np.asarray(self._back @ (moved - times[:, None] * v))
 
     def middle(self) -> Middle:
         """Return the stage in the middle as it is guessed."""

@@ -13,12 +13,14 @@ from hfsim.integrators._memory import Remembering
 from hfsim.integrators._often import Often, Recordings
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen, mutable
+from hfsim.maths.matrices import Matrix
 from hfsim.mechanics.counting import Turns
 from hfsim.mechanics.edges import Edges
 from hfsim.mechanics.linearized import Linearized, by_differences
 from hfsim.mechanics.strained import Strains
 
 if TYPE_CHECKING:
+    from hfsim.mechanics.carrying import Carrying
     from hfsim.mechanics.slopes import Slopes
 
 
@@ -75,6 +77,12 @@ class Increments(Protocol):
         Third comes the part of the second ones that velocities alone cause.
         """
 
+    def turning(self, at: Any, v: Array) -> Matrix | None:
+        """Return the matrix W (n, n) with which changes of the state turn where increments stand still.
+
+        Their rates are then W dq, their second derivatives W W dq; None where nothing turns.
+        """
+
 
 @frozen
 class PlainIncrements:
@@ -100,6 +108,9 @@ class PlainIncrements:
     def rates(self, at: None, v: Array, a: Array) -> tuple[Array, Array, Array]:
         """Return ``v``, ``a`` and zero."""
         return v, a, np.zeros_like(a)
+
+    def turning(self, at: None, v: Array) -> None:
+        """Return None."""
 
 
 @mutable
@@ -128,6 +139,8 @@ class Problem:
         (t, q, v) -> the failure that names what is not finite in this state, or None.
     increments : Increments
         Coordinates for Newton corrections.
+    carrying : Carrying or None
+        Rigid motions of everything along which steps are guessed, where increments do not turn themselves.
     imbalance : callable or None
         (t, q, v, a) -> the forces (n_batch, n) and joint accelerations (n_batch, n_rows) by which
         accelerations fail the equations of motion.
@@ -169,6 +182,7 @@ class Problem:
     culprit: Callable[[float, Array, Array], SolverFailure | None] = lambda t, q, v: None
     increments: Increments = field(default_factory=PlainIncrements)
     slopes: Slopes | None = None
+    carrying: Carrying | None = None
     imbalance: Callable[[Array, Array, Array, Array], tuple[Array, Array]] | None = None
     strains: Strains | None = None
     constant_mass: bool = True

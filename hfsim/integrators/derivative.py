@@ -9,6 +9,7 @@ each pole of the method.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -71,8 +72,8 @@ def computed(
     if strains is None or expected is None:
         slopes = problem.slopes if with_inertia else None
         near = problem.near if slopes is None else slopes.linearized
-        return _in_its_form(near(t, q, v), q, natural, once)
-    found = _in_its_form(problem.near(t, q, v, expected), q, natural)
+        return _in_its_form(_turning(near(t, q, v), natural, q, v), q, natural, once)
+    found = _in_its_form(_turning(problem.near(t, q, v, expected), natural, q, v), q, natural)
     found.know_strains(strains.stiffness, strains.slopes(q), q)
     return found
 
@@ -105,6 +106,22 @@ def place_of(problem: Problem, taken: Array) -> tuple[tuple[float, Array, Array,
     n = (len(place) - 1 - count) // 2
     t, q, v, expected = float(place[0]), place[1 : n + 1], place[n + 1 : 2 * n + 1], place[2 * n + 1 :]
     return (t, q, v, expected if count else None), angles
+
+
+def _turning(at: Linearized, natural: Increments, q: Array, v: Array) -> Linearized:
+    """Return a linearised system with what turning bodies add to it: increments stand still, states do not.
+
+    Without damping, for the sake of modes, that is the symmetric part alone: the centrifugal forces, but for
+    which a free turn would have a frequency of its own.
+    """
+    turning = None if at.solved else natural.turning(natural.geometry(q[None]), v)
+    if turning is None:
+        return at
+    drag = at.mass @ turning
+    back = drag @ turning
+    if at.damping is None:
+        return replace(at, stiffness=at.stiffness + 0.5 * (back + back.T))
+    return replace(at, stiffness=at.stiffness + back, damping=at.damping + 2.0 * drag)
 
 
 def _in_its_form(at: Linearized, q: Array, natural: Increments, once: bool = False) -> Derivative:

@@ -16,6 +16,7 @@ from hfsim.marching.runaway import RateWatch, SectionsWatch, Watch, Watches
 from hfsim.marching.steps import State, Steps, Stop, Strand, Together
 from hfsim.marching.stop import SHIELD, Progress, TimeUp
 from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import is_sparse
 from hfsim.mechanics.counting import Turns
 from hfsim.mechanics.edges import Edges
 from hfsim.mechanics.many_forces import MANY
@@ -28,6 +29,7 @@ from hfsim.scene.rules import closes_loops
 from hfsim.scene.schema import SolveSpec
 
 if TYPE_CHECKING:
+    from hfsim.mechanics.carrying import Carrying
     from hfsim.mechanics.slopes import Slopes
 
 
@@ -182,6 +184,7 @@ def problem_of(scene: Scene) -> Problem:
         culprit=partial(_culprit, scene),
         increments=system.natural or PlainIncrements(),
         slopes=_slopes(scene),
+        carrying=_carrying(scene),
         imbalance=system.imbalance if system.balances else None,
         strains=Strains.of(system),
         constant_mass=not system.charts and not system.variable_mass,
@@ -209,6 +212,18 @@ def _slopes(scene: Scene) -> Slopes | None:
     from hfsim.mechanics.slopes import Slopes
 
     return Slopes.of(scene.system, (scene.q, scene.v))
+
+
+def _carrying(scene: Scene) -> Carrying | None:
+    """Return rigid motions of everything in space, where bodies bend and matrices are dense."""
+    system = scene.system
+    if scene.deck.dimension == 2 or system.charts or system.variable_mass:
+        return None
+    if is_sparse(system.equations.constant_mass):
+        return None
+    from hfsim.mechanics.carrying import Carrying
+
+    return Carrying.of(system, tuple(scene.bodies.values()))
 
 
 def _recharted(system: System, q: Array, v: Array) -> tuple[Array, Array] | None:

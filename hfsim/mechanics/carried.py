@@ -89,6 +89,9 @@ class CarriedIncrements:
         """Return velocities and accelerations as frames that stand still see them, and zero."""
         return self.to_natural(at, v), self.to_natural(at, a), np.zeros_like(a)
 
+    def turning(self, at: Array, v: Array) -> None:
+        """Return None: frames stand still."""
+
     def _turned(self, at: Array, changes: Array) -> Array:
         out = changeable(changes)
         own = changes[:, self._columns].reshape(len(changes), *at.shape[1:3], 1)

@@ -9,6 +9,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray, IntArray, Places, run_of
 from hfsim.maths.frozen import frozen
+from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
 from hfsim.maths.rotations import as_complex, as_vectors
 from hfsim.maths.traced import changeable
 from hfsim.mechanics.chart import AlikeBodies
@@ -44,6 +45,14 @@ class BodyIncrements(AlikeBodies):
 
     def convective(self, at: Any, u: Array, y1: Array, out: Array) -> None:
         """Write what velocities alone make of the second derivatives of the natural coordinates."""
+        raise NotImplementedError
+
+    def spins(self, y1: Array) -> Array:
+        """Return how fast the bodies turn on the whole at natural rates (n_batch, n_x), (n_batch, bodies)."""
+        raise NotImplementedError
+
+    def turned(self) -> Entries:
+        """Return the map from changes to their rates where bodies turn at 1 rad/s about their first nodes."""
         raise NotImplementedError
 
 
@@ -86,6 +95,15 @@ class Tie:
         """Shift the body, in changes ``dx`` of the coordinates, to where its parent has moved."""
         point, parent = self._at
         self._shift(dx, -dx[:, point] if parent is None else dx[:, parent] - dx[:, point])
+
+    def led(self, by: IntArray | None) -> Entries:
+        """Return what shifts rates of its positions by those of some rows less those of its point."""
+        rows = self.positions.T.ravel()
+        count = len(self.positions)
+        less = Entries(rows, np.repeat(self.point, count), -np.ones(len(rows)))
+        if by is None:
+            return less
+        return Entries.joined([less, Entries(rows, np.repeat(by, count), np.ones(len(rows)))])
 
     def take_forces(self, x: Array, f: Array) -> Array | None:
         """Hand the forces on the body, in ``f``, to its parent: the transpose of `move` for small changes.
@@ -155,6 +173,12 @@ class Mount(Tie):
         moved = as_complex(dx[:, self._place]) + carried * self.arm
         moved += after * as_complex(y[:, self._root])
         self._shift(dx, as_vectors(moved) - dx[:, self._at[0]])
+
+    def turned(self, rows: IntArray) -> Entries:
+        """Return the rates (2 rows) of changes of its point that turns about the place of the rigid body."""
+        signs = np.array([-1.0, 1.0])
+        point = Entries(rows, self.point[::-1], signs)
+        return Entries.joined([point, Entries(rows, self.rigid[1::-1], -signs)])
 
     def take_forces(self, x: Array, f: Array) -> Array | None:
         """Hand the forces on the beam, in ``f``, to the rigid body; return those on its relative place."""
@@ -282,6 +306,50 @@ class NaturalIncrements:
             root = run_of(mount.positions[0])
             y1[:, root], rest[:, root] = 0.0, -y2[:, root]
         return self._free(y1), self._free(y2 + rest), self._free(rest)
+
+    def turning(self, at: tuple[Array, list[Any]], v: Array) -> Matrix:
+        """Return the matrix W (n, n) with which changes of the state turn at rates v (n,).
+
+        Where natural increments stand still, changes of the state do not: they turn with the bodies, at rates
+        W dq, and their second derivatives are W W dq while bodies turn on like that.
+        """
+        u = self.reduction.expand_rates(v[None])
+        y1 = changeable(u)
+        for part, geometry in zip(self.beams, at[1], strict=True):
+            part.to_natural(geometry, u, y1)
+        spins = [part.spins(y1) for part in self.beams] + [u[:, mount.rigid[2:]] for mount in self._mounts]
+        left, right, which = self._turns
+        own = np.concatenate(spins, axis=1)[0].take(which)
+        if is_sparse(left):
+            return left.multiply(own).tocsr() @ right
+        return np.asarray((left * own) @ right)
+
+    @cached_property
+    def _turns(self) -> tuple[Matrix, Matrix, IntArray]:
+        """Matrices (n, m) and (m, n) between which `turning` has spins of m rows, and which spin each has.
+
+        The rows are rates about the first node of a beam, and, for each mount, those of its point about the
+        place of the rigid body; the left matrix hands them on from body to body.
+        """
+        n, mounts, sparse = len(self.reduction.offset), self._mounts, is_sparse(self.reduction.basis)
+        extra = n + np.arange(2 * len(mounts)).reshape(-1, 2)
+        m, counts = n + extra.size, [part.bodies for part in self.beams]
+        which = np.zeros(m, dtype=np.intp)
+        for part, first in zip(self.beams, np.cumsum([0, *counts]), strict=False):
+            places = np.arange(part.columns.start, part.columns.stop)
+            which[places] = first + np.repeat(np.arange(part.bodies), len(places) // part.bodies)
+        which[n:] = np.repeat(sum(counts) + np.arange(len(mounts)), 2)
+        rates = [part.turned() for part in self.beams]
+        rates += [mount.turned(rows) for mount, rows in zip(mounts, extra, strict=True)]
+        own, every = iter(extra), np.arange(m)
+        unit = Entries(every, every, np.ones(m))
+        led = assemble([unit], (m, m), sparse)
+        for tie in self.ties:
+            if not isinstance(tie, Rail):
+                by = next(own) if isinstance(tie, Mount) else tie.parent
+                led = assemble([unit, tie.led(by)], (m, m), sparse) @ led
+        right = assemble(rates, (m, n), sparse) @ self.reduction.basis
+        return self.reduction.reading @ led[:n], right, which
 
     def _free(self, y: Array) -> Array:
         return y if self.reduction.identity else y.take(self.columns, axis=1)

@@ -100,10 +100,11 @@ class Reduction:
 
     def read_force(self, f: Array) -> Array:
         """Return forces on x that do the work of those on free coordinates: the transpose of `free_rates`."""
-        return f if self.identity else np.asarray(f @ self._inverse_transposed)
+        return f if self.identity else np.asarray(f @ self.reading)
 
     @cached_property
-    def _inverse_transposed(self) -> Matrix:
+    def reading(self) -> Matrix:
+        """The matrix (n_z, n_x) of `free_rates`."""
         return self._inverse.T.tocsr() if is_sparse(self.basis) else np.ascontiguousarray(self._inverse.T)
 
     @cached_property

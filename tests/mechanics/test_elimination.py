@@ -14,6 +14,7 @@ from hfsim.integrators.derivative import computed, derivative
 from hfsim.maths.matrices import assemble, dense, is_sparse
 from hfsim.mechanics.equations import Equations
 from hfsim.mechanics.reduction import Reduction
+from hfsim.mechanics.turning import Turning
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 
@@ -353,3 +354,21 @@ def test_a_state_whose_joints_cannot_be_closed_is_refused_where_asked():
     scene.system.project(np.array([2.0]), q, v)
     with pytest.raises(np.linalg.LinAlgError, match="cannot be closed"):
         scene.system.project(np.array([2.0]), q, v, strict=True)
+
+
+@pytest.mark.parametrize("name", ["chain", "from the tip", "hub", "hinged on the hub", "loop"])
+def test_changes_turn_with_everything_while_natural_increments_stand_still(name):
+    scene = scene_of(name)
+    system, reduction = scene.system, scene.system.reduction
+    q, _ = states(scene, 1, 0.05)
+    turn, x = Turning.units(scene.bodies.values(), 2)[2], reduction.expand(q)
+
+    def spread(angle):
+        at = system.natural.geometry(reduction.free(turn.turned(x, angle)))
+        return system.natural.from_natural(at, np.eye(system.n)).T
+
+    found = system.natural.turning(system.natural.geometry(q), reduction.free_rates(turn.rates(x))[0])
+    eps = 1e-4
+    rates = (spread(eps) - spread(-eps)) @ np.linalg.inv(spread(0.0)) / (2.0 * eps)
+    assert np.abs(rates).max() > 0.5
+    assert found == pytest.approx(rates, abs=1e-6)

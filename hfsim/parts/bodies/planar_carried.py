@@ -27,6 +27,11 @@ class CarriedBeams(PlanarIncrements):
         seen = z.take(owners, axis=-1)
         return np.asarray(seen / np.abs(seen))
 
+    def spins(self, y1: Array) -> Array:
+        """Return the mean rates of the second vectors of nodes, which are about of length one."""
+        turns = self._complex(y1).imag[..., 1 :: self.stride]
+        return np.asarray(turns.sum(axis=-1) / turns.shape[-1])
+
     def to_natural(self, at: ComplexArray, dq: Array, out: Array) -> None:
         """Write small changes ``dq`` as the nodes see them into ``out``."""
         y = self._complex(dq).copy()

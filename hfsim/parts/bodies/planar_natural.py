@@ -20,6 +20,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.frozen import frozen
+from hfsim.maths.matrices import Entries
 from hfsim.maths.traced import changeable
 from hfsim.mechanics.increments import BodyIncrements
 from hfsim.parts.bodies.planar_frame import ROOT, relative, with_root
@@ -45,6 +46,16 @@ class PlanarIncrements(BodyIncrements):
     def _put(self, z: ComplexArray, out: Array) -> None:
         out[:, self.columns] = z.reshape(len(out), -1).view(np.float64)
 
+    def turned(self) -> Entries:
+        """Return the map from changes to their rates where beams turn at 1 rad/s about their first nodes."""
+        x = np.arange(self.columns.start, self.columns.stop).reshape(self.bodies, -1, 2)
+        places = x[:, :: self.stride]
+        roots = np.broadcast_to(places[:, :1], places.shape)
+        signs = np.array([-1.0, 1.0])
+        own = x, x[..., ::-1], np.broadcast_to(signs, x.shape)
+        less = places, roots[..., ::-1], np.broadcast_to(-signs, places.shape)
+        return Entries.joined(Entries(*(one.ravel() for one in part)) for part in (own, less))
+
 
 @frozen
 class BeamIncrements(PlanarIncrements):
@@ -60,6 +71,12 @@ class BeamIncrements(PlanarIncrements):
 
     length: float
     framed: bool
+
+    def spins(self, y1: Array) -> Array:
+        """Return the mean rates of the chords; nothing turns in its own frame."""
+        chords = self._complex(y1).imag[..., self.stride :: self.stride]
+        share = 0.0 if self.framed else 1.0 / chords.shape[-1]
+        return np.asarray(share * chords.sum(axis=-1))
 
     def _vectors(self, c: ComplexArray) -> ComplexArray:
         """Return nodal vectors, or changes of them, as seen from the frame."""

@@ -1,0 +1,147 @@
+"""Rigid motion of everything, along which steps in space are guessed: of rotors, and of whatever flies.
+
+A turn about an axis that stands still or moves on evenly is known for all times: rates u of it lead after
+an angle to changes (sin(angle) / r) u + ((1 - cos(angle)) / r^2) w x u at a spin w of size r (Rodrigues).
+What is left is small, seen from axes that turn as well.  In the plane natural increments do this, body by
+body.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
+from hfsim.maths.rotations import cross
+from hfsim.mechanics.reduction import Reduction
+from hfsim.mechanics.turning import APART, Turning
+
+if TYPE_CHECKING:
+    from hfsim.mechanics.body import Body
+    from hfsim.mechanics.system import System
+
+_EVEN = 1e-6
+"""Part of its size in others from which on a rigid motion counts as one by itself."""
+TOLD = 0.1
+"""Part of the square of accelerations that may be other than those of an axis which moves on evenly."""
+_NONE = 1e-12
+"""Square of an angle in a step that is none."""
+_TINY = 1e-300
+
+
+@frozen
+class Carried:
+    """A state that is carried along, at some times.
+
+    Attributes
+    ----------
+    moved : ndarray, shape (n_times, n)
+        Changes of the coordinates by that.
+    v, a : ndarray, shape (n,)
+        Rates and accelerations that are left, as seen from axes that turn as well.
+    """
+
+    moved: Array
+    v: Array
+    a: Array
+    carrying: Carrying
+    spin: Array
+    once: Array
+    twice: Array
+
+    def seen(self, changes: Array) -> Array:
+        """Return changes (n_times, n) in these axes as changes of the coordinates."""
+        first = self.carrying.turned(self.spin, changes)
+        return np.asarray(changes + self.once * first + self.twice * self.carrying.turned(self.spin, first))
+
+
+@frozen
+class Carrying:
+    """Rigid motions of everything in space, where all coordinates are those of vectors.
+
+    Attributes
+    ----------
+    shifts : ndarray, shape (3, n)
+        Changes of the free coordinates by shifts along the axes of the ground.
+    mass : ndarray, shape (n, n)
+    """
+
+    reduction: Reduction
+    shifts: Array
+    mass: Array
+
+    @classmethod
+    def of(cls, system: System, bodies: Sequence[Body]) -> Carrying | None:
+        """Return those of a system with a constant, dense mass; None where others than vectors turn."""
+        *shifts, first, second, third = Turning.units(bodies, 3)
+        x = np.arange(1.0, system.n_x + 1.0)[None]
+        for unit, spin in zip((first, second, third), np.eye(3), strict=True):
+            if not np.array_equal(unit.rates(x), _turned(spin, x)):
+                return None
+        rates = np.concatenate([one.rates(x) for one in shifts])
+        return cls(system.reduction, system.reduction.free_rates(rates), system.equations.free_mass)
+
+    def along(self, q: Array, v: Array, a: Array, times: Array) -> Carried:
+        """Carry a state (n,) on as its rates and accelerations say, by times (n_times,) [s].
+
+        Nothing is carried where rigid motion is not nearly all of what moves.
+        """
+        x = self.reduction.expand(q[None])
+        turns = [self.reduction.free_rates(_turned(axis, x)) for axis in np.eye(3)]
+        units = np.concatenate([self.shifts, *turns])
+        factors = self._nearest(units, v)
+        left = self._square(v - factors @ units)
+        factors = np.where(left <= APART * self._square(v), 1.0, 0.0) * factors
+        whole, spin = factors @ units, factors[3:]
+        square = spin @ spin
+        travel = self._travel(whole, factors[:3], spin, a)
+        turn = whole - travel
+        bent = self.turned(spin, turn[None])[0]
+        square = square + _NONE / (times[-1] * times[-1])
+        rate, tau = np.sqrt(square), times[:, None]
+        half = np.sin(0.5 * rate * tau)
+        once, twice = np.sin(rate * tau) / rate, 2.0 * half * half / square
+        moved = once * turn + twice * bent + tau * travel
+        rest = v - whole
+        seen = a - bent - 2.0 * self.turned(spin, rest[None])[0]
+        return Carried(moved, rest, seen, self, spin, once, twice)
+
+    def turned(self, spin: Array, changes: Array) -> Array:
+        """Return the rates of changes (n_batch, n) that turn along."""
+        return self.reduction.free_rates(_turned(spin, self.reduction.expand_rates(changes)))
+
+    def _travel(self, whole: Array, velocity: Array, spin: Array, a: Array) -> Array:
+        """Return the rates (n,) by which the axis moves on, of those of everything, ``whole``.
+
+        Along itself it does as all does; across, accelerations tell: of what moves on by m they are w x m
+        less than of a turn about where nothing moves now.
+        """
+        whirls, missed = self.turned(spin, self.shifts), self.turned(spin, whole[None])[0] - a
+        own = self._nearest(whirls, missed)
+        told = self._square(missed - own @ whirls) <= TOLD * self._square(a)
+        own = np.where(told, 1.0, 0.0) * own
+        along = (velocity - own) @ spin / (spin @ spin + _TINY)
+        return np.asarray((own + along * spin) @ self.shifts)
+
+    def _square(self, v: Array) -> Array:
+        """Return twice the energy of rates (n,), shape ()."""
+        return np.asarray((v @ self.mass) @ v)
+
+    def _nearest(self, rows: Array, wanted: Array) -> Array:
+        """Return factors (k,) of rates (k, n) that come nearest to wanted ones, in the metric of the mass."""
+        momenta = rows @ self.mass
+        sizes = np.sqrt(np.sum(momenta * rows, axis=1)) + _TINY**0.5
+        scaled, unit = momenta / sizes[:, None], rows / sizes[:, None]
+        inverse = np.linalg.inv(scaled @ unit.T + _EVEN * np.eye(len(rows)))
+        found = inverse @ (scaled @ wanted)
+        found = found + inverse @ (scaled @ (wanted - found @ unit))
+        return np.asarray(found / sizes)
+
+
+def _turned(spin: Array, changes: Array) -> Array:
+    """Return w x of all vectors in changes (n_batch, n_x) of the coordinates."""
+    vectors = changes.reshape(len(changes), -1, 3)
+    return np.asarray(cross(spin, vectors).reshape(len(changes), -1))

@@ -1,0 +1,106 @@
+"""Steps are guessed along rigid motions of everything: turns about axes that stand still or move evenly."""
+
+import numpy as np
+import pytest
+
+from hfsim.marching.integration import problem_of, run_integration
+from hfsim.maths.rotations import rotation
+from hfsim.mechanics.carrying import Carrying
+from hfsim.mechanics.turning import Turning
+from hfsim.scene.build import build
+from hfsim.scene.loading import parse_deck
+
+BLADES = """
+hfsim: 1
+gravity: [0.0, 0.0, 0.0]
+materials: {alloy: {density: 2700.0, youngs_modulus: 7.0e10, bending_damping: 1.0e-4, axial_damping: 1.0e-4}}
+sections: {blade: {shape: rectangle, width: 0.2, height: 0.02}}
+bodies:
+  hub: {type: rigid, mass: 20.0, inertia: INERTIA, points: {one: ONE, other: OTHER}}
+  front: {type: beam, material: alloy, section: blade, length: 4.0, elements: 1}
+  back: {type: beam, material: alloy, section: blade, length: 4.0, elements: 1}
+joints:
+  axle: {type: revolute, between: [ground, hub]}
+  mount: {type: fixed, between: [hub.one, front.root]}
+  counter: {type: fixed, between: [hub.other, back.root], angle: 3.141592653589793}
+  drive: {type: driver, between: [ground, hub], angle: {type: constant_rate, rate: 30.0}}
+initial: {steady: {body: hub, rate: 30.0}}
+solve: {duration: 2.0, tolerance: 1.0e-5}
+output: {interval: 0.5, channels: [front.tip.x, front.tip.y]}
+"""
+SPACE = {"INERTIA": "[1.0, 1.0, 1.0]", "ONE": "[0.3, 0.0, 0.0]", "OTHER": "[-0.3, 0.0, 0.0]"}
+PLANE = {"[0.0, 0.0, 0.0]": "[0.0, 0.0]", "INERTIA": "1.0", "ONE": "[0.3, 0.0]", "OTHER": "[-0.3, 0.0]"}
+
+
+def blades(words, *changes):
+    text = BLADES
+    for old, new in [*words.items(), *changes]:
+        assert old in text
+        text = text.replace(old, new)
+    return build(parse_deck(text))
+
+
+FLYING = (
+    ("  axle: {type: revolute, between: [ground, hub]}\n", ""),
+    ("  drive: {type: driver, between: [ground, hub], angle: {type: constant_rate, rate: 30.0}}\n", ""),
+    ("initial: {steady: {body: hub, rate: 30.0}}", "initial: {hub: {position: [5.0, -3.0, 1.0]}}"),
+)
+TIMES = np.array([0.02, 0.1, 0.13])
+
+
+def carried(scene, spin, centre, velocity):
+    """What is carried along of a rigid motion, and where that leads."""
+    system = scene.system
+    turn = Turning.of(scene.bodies.values(), spin, centre, velocity=velocity)
+    x = system.absolute(scene.q[None])
+    v, a = (system.reduction.free_rates(one)[0] for one in (turn.rates(x), turn.accelerations(x)))
+    found = problem_of(scene).carrying.along(scene.q, v, a, TIMES)
+    ways = [turn.turned(x, t)[0] + t * turn.travel for t in TIMES]
+    return found, system.reduction.free(np.array(ways)) - scene.q, turn
+
+
+@pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (3.0, -1.0, 2.0)])
+def test_rigid_motions_are_carried_along(velocity):
+    """Whatever axis they turn about, and if it moves on; weights that keep factors apart cost some digits."""
+    scene = blades(SPACE, *FLYING)
+    found, expected, _ = carried(scene, [4.0, -2.0, 11.0], [0.5, 1.5, -0.7], velocity)
+    assert np.abs(expected).max() > 1.0
+    assert found.moved == pytest.approx(expected, abs=2e-5)
+    assert np.abs(found.v).max() < 2e-5 and np.abs(found.a).max() < 2e-3
+
+
+def test_what_is_left_turns_along(rng):
+    scene, spin = blades(SPACE, *FLYING), np.array([4.0, -2.0, 11.0])
+    found, _, turn = carried(scene, spin, np.zeros(3), np.zeros(3))
+    changes = rng.normal(size=(len(TIMES), scene.system.n))
+    whole = scene.system.reduction.expand_rates(changes).reshape(len(TIMES), -1, 3)
+    expected = [one @ rotation(t * spin).T for one, t in zip(whole, TIMES, strict=True)]
+    expected = scene.system.reduction.free_rates(np.reshape(expected, (len(TIMES), -1)))
+    assert found.seen(changes) == pytest.approx(expected, abs=2e-5)
+    assert turn.rate > 1.0
+
+
+def test_what_does_not_move_as_one_is_not_carried(rng):
+    scene = blades(SPACE, *FLYING)
+    v, a = rng.normal(size=(2, scene.system.n))
+    found = problem_of(scene).carrying.along(scene.q, v, a, TIMES)
+    assert not found.moved.any() and (found.v == v).all() and (found.a == a).all()
+
+
+def test_only_vectors_are_carried():
+    assert problem_of(blades(PLANE)).carrying is None
+    assert isinstance(problem_of(blades(SPACE)).carrying, Carrying)
+    framed = blades(SPACE, ("duration: 2.0", "coordinates: frame, duration: 2.0"))
+    assert problem_of(framed).carrying is None
+
+
+@pytest.mark.parametrize(("words", "most"), [(PLANE, 250), (SPACE, 700)])
+def test_steady_rotors_take_few_iterations(words, most):
+    """Steps are bounded by the error, not by how far a turn of 60 rad can be guessed: before 1050, 5300."""
+    scene = blades(words)
+    done = run_integration(scene, scene.deck.solve)
+    assert done.problem.counts.iterations < most
+    where = scene.marker("front.tip").position(scene.system.absolute(done.trajectory.q[None]))[0][:2]
+    start = scene.marker("front.tip").position(scene.system.absolute(scene.q[None]))[0][:2]
+    end = rotation(np.array([0.0, 0.0, 60.0]))[:2, :2] @ start
+    assert where == pytest.approx(end, abs=1e-4)
