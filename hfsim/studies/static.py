@@ -125,6 +125,7 @@ def run_static(loaded: LoadedDeck, wish: Wish | float = 0.0) -> Run:
         for name in wish.varied or ():
             if name not in loads_of(scene):
                 raise UnknownLoadError(name, loads_of(scene))
+    told = list(scene.warnings)  # of the start: from there on turns are counted
     with clock.phase("solve"):
         rows, found, facts = _followed(scene, wish) if wish.path else _rested(scene, wish)
         if wish.buckling:
@@ -132,7 +133,8 @@ def run_static(loaded: LoadedDeck, wish: Wish | float = 0.0) -> Run:
         samples = [_sampled(scene, wish, row) for row in rows]
         columns = [compute_channels(one) for one in samples]
     facts = {**facts_of(scene, samples[-1], found), **facts}
-    facts["warnings"] += [*out_of_range(scene, facts["validity"]), *doubtful_factors(scene, facts)]
+    told += [*facts["warnings"], *out_of_range(scene, facts["validity"]), *doubtful_factors(scene, facts)]
+    facts["warnings"] = told
     channels = [
         one._replace(values=np.concatenate([c.values for c in every]))
         for every, one in zip(zip(*columns, strict=True), columns[0], strict=True)
@@ -293,7 +295,7 @@ def facts_of(scene: Scene, samples: StaticSamples, found: Equilibrium) -> dict[s
         "assembly": scene.assembly.facts(),
         "validity": watch_validity(scene, samples.t, samples.q, samples.v),
         "warnings": [
-            *scene.warnings, *doubts(scene, found), *singular_rest(scene, samples, found),
+            *doubts(scene, found), *singular_rest(scene, samples, found),
             *turned_drivers(scene, float(samples.t[-1])),
         ],
     }

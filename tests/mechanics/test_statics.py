@@ -777,3 +777,19 @@ def test_wires_of_any_length_are_as_stiff_as_euler_says(length):
     found = search(build(parse_deck(deck)))
     expected = root**4 * 2.1e11 * diameter**2 / 16.0 / 7850.0 / length**4
     assert found.stable and found.values[:2] == pytest.approx([expected] * 2, rel=1e-4)
+
+
+def test_what_starts_beyond_a_stop_is_told_of_the_start():
+    """Half a turn and more before its stop in space; at rest against it turns are counted from elsewhere."""
+    deck = """hfsim: 1
+gravity: [0, 0, 0]
+bodies: {flap: {type: rigid, mass: 1, inertia: [0.1, 0.1, 0.1], points: {edge: [-0.5, 0, 0]}}}
+joints:
+  hinge: {type: revolute, between: [ground, flap.edge], axis: [0, 0, 1], stops: {upper: 0, stiffness: 500}}
+springs: {coil: {type: rotational, between: [ground, flap], axis: [0, 0, 1], stiffness: 0.5, preload: -1}}
+initial: {flap: {angle: -190 deg}}
+solve: {duration: 1}
+"""
+    run = hfsim.static(parse_deck(deck))
+    assert not any("beyond its stop" in one for one in run.statistics["warnings"])
+    assert run.final["flap.rotation_z"] == pytest.approx(0.0, abs=0.01)
