@@ -155,6 +155,10 @@ class ForcePart:
         """Whether the energy it stores is a polynomial of degree four at most in x."""
         return False
 
+    def undirected(self, t: Array, x: Array) -> float:
+        """Return the size of a force [N] that has no direction in one state; zero of one that has."""
+        return 0.0
+
     @property
     def runs_away(self) -> bool:
         """Whether `runaway` can find anything."""

@@ -20,6 +20,9 @@ from hfsim.mechanics.turns import TurnCount
 if TYPE_CHECKING:
     from hfsim.deck.laws import Law
 
+TOGETHER = 1e-14
+"""Distance of two points, over that from the origin, that is rounding."""
+
 
 @frozen
 class PointPart(ForcePart):
@@ -210,6 +213,12 @@ class DistanceTie(Tie):
         distance, direction = self._line(x)
         along = ((sign, direction[:, None] @ marker.position_jacobian(x)) for sign, marker in self._signed)
         return distance, [sign * row[:, 0] for sign, row in along]
+
+    def undirected(self, t: Array, x: Array) -> float:
+        """Return the size of the force where both points are in one place, but for rounding."""
+        (distance,), _ = self._line(x)
+        far = max(float(np.abs(marker.position(x)).max()) for marker in self.markers)
+        return float(np.abs(self.effort(t, x, 0.0 * x)[0])) if distance <= TOGETHER * far else 0.0
 
     @cached_property
     def _signed(self) -> tuple[tuple[float, Marker], ...]:

@@ -30,7 +30,8 @@ def tell(
 def _headline(run: Run, summary: Mapping[str, Any]) -> str:
     if run.status != "done":
         return f"no equilibrium; reached with {summary['load']:.4g} of the loads"
-    return "equilibrium, " + ("stable" if summary["stable"] else "not stable")
+    stable = {None: "not known whether stable", True: "stable", False: "not stable"}
+    return f"equilibrium, {stable[summary['stable']]}"
 
 
 def as_text(run: Run, summary: Mapping[str, Any], folder: Path | None) -> str:

@@ -47,13 +47,15 @@ def acting(
     return found
 
 
+def thrown(system: System, x: Array, resting: Sequence[Body]) -> Iterator[tuple[str, str]]:
+    """Yield, with its item, what will throw a state (n,) at the start off, not at rest there."""
+    yield from beyond_stops(system, x, resting)
+    yield from ((item, f"starts with {what}") for item, what in undirected(system, x, resting))
+
+
 def beyond_stops(system: System, x: Array, resting: Iterable[Body]) -> Iterator[tuple[str, str]]:
     """Yield, with its item, what is far beyond a stop in a state (n,) at the start, not at rest there."""
-    starts = {body.columns.start for body in resting}
-    edged = [
-        part for part in system.forces
-        if part.has_edges and not all(m.grounded or m.columns.start in starts for m in part.markers)
-    ]  # fmt: skip
+    edged = [part for part in _moving(system, resting) if part.has_edges]
     if not edged:
         return
     from hfsim.mechanics.ties import Tie
@@ -61,6 +63,21 @@ def beyond_stops(system: System, x: Array, resting: Iterable[Body]) -> Iterator[
     for part in (part for part in edged if isinstance(part, Tie)):
         if depth := part.beyond(np.zeros(1), x[None]):
             yield part.item, f"starts {depth:.4g} {part.unit} beyond its stop, which will throw it back"
+
+
+def undirected(system: System, x: Array, resting: Iterable[Body] = ()) -> Iterator[tuple[str, str]]:
+    """Yield, with its item, what has a force without a direction in a state (n,), not at rest there."""
+    for part in _moving(system, resting):
+        if size := part.undirected(np.zeros(1), x[None]):
+            yield part.item, f"both points in one place, where its force of {size:.4g} N has no direction"
+
+
+def _moving(system: System, resting: Iterable[Body]) -> Iterator[ForcePart]:
+    """Yield the forces on anything but bodies that are at rest."""
+    starts = {body.columns.start for body in resting}
+    for part in system.forces:
+        if not all(m.grounded or m.columns.start in starts for m in part.markers):
+            yield part
 
 
 def _ties(

@@ -24,7 +24,7 @@ from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Twist
 from hfsim.mechanics.system import System
 from hfsim.parts.bodies.models import MODELS, Model
-from hfsim.scene.acting import acting, beyond_stops
+from hfsim.scene.acting import acting, thrown
 from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Frame, Linkage, Sense
 from hfsim.scene.facing import Facings
@@ -132,8 +132,8 @@ class Scene:
         found = [*self.loaded.warnings, *self.assembly.warnings()]
         looks = slips(self.deck, self.assembly, self.free_motions or [])
         resting = [self.bodies[name] for name in self.deck.resting if name in self.bodies]
-        thrown = beyond_stops(self.system, self.system.absolute(self.q[None])[0], resting)
-        told = (*self.redundancy.told(self.loaded), *self._not_borne(), *thrown)
+        off = thrown(self.system, self.system.absolute(self.q[None])[0], resting)
+        told = (*self.redundancy.told(self.loaded), *self._not_borne(), *off)
         for path, what in (*looks, *told):
             line = self.loaded.line_of(path)
             found.append(f"{path}{f' (line {line})' if line else ''}: {what}")

@@ -24,6 +24,7 @@ from hfsim.mechanics.statics.relaxation import ENDLESS
 from hfsim.mechanics.system import System
 from hfsim.mechanics.ties import Tie
 from hfsim.parts.bodies.models import MODELS
+from hfsim.scene.acting import undirected
 from hfsim.scene.gauging import Assembled, gauge_of
 
 FELT = 1e-3
@@ -252,10 +253,12 @@ def one_of_many(scene: Assembled, motions: Array) -> str:
     return f"one equilibrium of many, since nothing resists: {'; '.join(held_by_nothing(scene, motions))}"
 
 
-def doubts(scene: Assembled, found: Equilibrium) -> Iterator[str]:
-    """Yield what a user should know of an equilibrium before trusting it."""
+def doubts(scene: Assembled, found: Equilibrium, x: Array) -> Iterator[str]:
+    """Yield what a user should know of an equilibrium, at coordinates (1, n_x), before trusting it."""
     if found.reason:
         return
+    for item, what in undirected(scene.system, x[0]):
+        yield f"{item} has {what}: neither frequencies, nor whether it is stable, are to be relied on"
     if not found.stable:
         time = 1.0 / float(np.sqrt(-found.values[0]))
         since = "" if found.crossed is None else f" from {found.crossed:.4g} of the loads on"

@@ -73,7 +73,7 @@ def at_rest(scene: Assembled) -> Rest:
         raise loaded.problem(f"initial.{AT_REST}", f"there is none: {why}", why.remedy)
     turns(1.0, found.state)
     x = problem.expand(found.state.z)
-    told = tuple(f"initial.{AT_REST}: {one}" for one in doubts(scene, found))
+    told = tuple(f"initial.{AT_REST}: {one}" for one in doubts(scene, found, x))
     return _begun(scene, turns, x, _rates(scene, x), told)
 
 

@@ -23,6 +23,7 @@ from hfsim.mechanics.statics.path import Path
 from hfsim.mechanics.statics.problem import Problem, State
 from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.joints.driver import DriverSpec
+from hfsim.scene.acting import undirected
 from hfsim.scene.build import Scene, build
 from hfsim.scene.equilibrium import (
     GRAVITY,
@@ -273,12 +274,12 @@ def _sampled(scene: Scene, wish: Wish, row: _Row) -> StaticSamples:
 
 def facts_of(scene: Scene, samples: StaticSamples, found: Equilibrium) -> dict[str, Any]:
     """Return what summaries say of an equilibrium."""
-    gaps = scene.system.residual(samples.t, samples.x)
+    gaps, unknown = scene.system.residual(samples.t, samples.x), any(undirected(scene.system, samples.x[0]))
     return {
         "kind": METHOD,
         "load": found.share,
-        "stable": None if found.reason else found.stable,
-        "smallest_eigenvalue": float(found.values[0]) if len(found.values) else None,
+        "stable": None if found.reason or unknown else found.stable,
+        "smallest_eigenvalue": float(found.values[0]) if len(found.values) and not unknown else None,
         "held_by_nothing": held_by_nothing(scene, found.neutral) if len(found.neutral) else [],
         "relaxed": found.relaxed,
         "limit": found.limit,
@@ -295,7 +296,7 @@ def facts_of(scene: Scene, samples: StaticSamples, found: Equilibrium) -> dict[s
         "assembly": scene.assembly.facts(),
         "validity": watch_validity(scene, samples.t, samples.q, samples.v),
         "warnings": [
-            *doubts(scene, found), *singular_rest(scene, samples, found),
+            *doubts(scene, found, samples.x), *singular_rest(scene, samples, found),
             *turned_drivers(scene, float(samples.t[-1])),
         ],
     }

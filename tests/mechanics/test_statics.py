@@ -779,6 +779,30 @@ def test_wires_of_any_length_are_as_stiff_as_euler_says(length):
     assert found.stable and found.values[:2] == pytest.approx([expected] * 2, rel=1e-4)
 
 
+COINCIDENT = """hfsim: 1
+gravity: [0, 0]
+ground: {points: {seat: [0.3, 0.1]}}
+bodies: {rocker: {type: rigid, mass: 0.25, inertia: 3.0e-4, points: {out: [0.3, 0.1]}}}
+joints: {piv: {type: revolute, between: [ground, rocker]}}
+springs: {s: {type: two_point, between: [ground.seat, rocker.out], stiffness: 20 kN/m, %s}}
+solve: {duration: 0.1}
+"""
+
+
+@pytest.mark.parametrize(
+    ("spring", "size"), [("rest_length: 0.1", "2000"), ("preload: -300", "300"), ("rest_length: 0", None)]
+)
+def test_a_force_between_points_in_one_place_has_no_direction_and_that_is_told(spring, size):
+    """Any push throws them apart: no stiffness at the place itself tells that."""
+    deck = parse_deck(COINCIDENT % spring)
+    told = f"both points in one place, where its force of {size} N has no direction"
+    found = hfsim.static(deck).statistics
+    assert [told in one for one in build(deck).warnings] == ([True] if size else [])
+    assert [told in one for one in found["warnings"]] == ([True, True] if size else [])
+    assert found["stable"] is (None if size else True)
+    assert (found["smallest_eigenvalue"] is None) == bool(size)
+
+
 def test_what_starts_beyond_a_stop_is_told_of_the_start():
     """Half a turn and more before its stop in space; at rest against it turns are counted from elsewhere."""
     deck = """hfsim: 1
