@@ -56,8 +56,8 @@ def static(
     history.csv, summary.json, pictures; --set output.shapes=true writes the shapes. Rates, dampers and
     friction count for nothing.
 
-    With --path a row for each point of the path from no load to the whole load, which may turn round on the
-    way; with --buckling the smallest load factors at which the scene gives way.
+    With --path a row for each point of the path from where it begins to the whole load, which may turn
+    round on the way; with --buckling the smallest load factors at which the scene gives way.
 
     With -o - the rows go to standard output as CSV, all else to standard error, and nothing is written.
 

@@ -17,7 +17,7 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.mechanics.pose import Twist
 from hfsim.mechanics.statics.buckling import critical_factors
-from hfsim.mechanics.statics.equilibrium import HOLD, Equilibrium
+from hfsim.mechanics.statics.equilibrium import Equilibrium
 from hfsim.mechanics.statics.newton import Effort, NotFoundError
 from hfsim.mechanics.statics.path import Path
 from hfsim.mechanics.statics.problem import Problem, State
@@ -202,12 +202,9 @@ def _followed(scene: Scene, wish: Wish) -> tuple[list[_Row], Equilibrium, dict[s
 
     problem = problem_of(scene, wish.t, keep, wish.varied)
     path, why, lost = _along(problem)
-    if not path.points:  # what turns about itself, say, is held by nothing, and pushed by nothing
-        held = _along(replace(problem, hold=HOLD))
-        path, why, lost = held if held[0].points else (path, why, lost)
     points = path.points
     if not points:
-        rows, state = [_Row(0.0, scene.q[None], turns.angles)], path.problem.start
+        rows, state = [_Row(0.0, scene.q[None], Turns(scene).angles)], path.problem.start
         values: Array = np.zeros(0)
     else:
         rows, state, values = rows[-len(points) :], points[-1].state, points[-1].values
@@ -228,15 +225,10 @@ def _along(problem: Problem) -> tuple[Path, str, State | None]:
 
 def _critical(scene: Scene, wish: Wish) -> dict[str, Any]:
     """Return the critical load factors."""
-    problem, why = problem_of(scene, wish.t, None, wish.varied), ""
-    for hold in (0.0, HOLD):  # what turns about itself, say, is held by nothing, and pushed by nothing
-        try:
-            found = critical_factors(replace(problem, hold=hold), Effort(), wish.buckling)
-            break
-        except (NotFoundError, np.linalg.LinAlgError) as error:
-            why = str(error)
-    else:
-        return {"critical": [], "critical_reason": why}
+    try:
+        found = critical_factors(problem_of(scene, wish.t, None, wish.varied), Effort(), wish.buckling)
+    except (NotFoundError, np.linalg.LinAlgError) as error:
+        return {"critical": [], "critical_reason": str(error)}
     reason = "" if found else "no load factor makes the stiffness singular"
     return {
         "critical": [one.load for one in found],

@@ -59,16 +59,15 @@ def test_rows_go_to_standard_output(here):
     done = call("pendulum", "--model", "rigid", "-o", "-", "--path")
     head, *rows = done.stdout.splitlines()
     assert head.startswith("t,load,b1.tip.x") and rows
-    assert "standard output" in done.stderr and done.exit_code == 3
+    assert "standard output" in done.stderr and done.exit_code == 0
     done = call("pendulum", "-o", "-")
     assert done.exit_code == 0 and len(done.stdout.splitlines()) == 2
     assert call("pendulum", "-o", "-", "--json").exit_code == 2
     assert not list(here.iterdir())
 
 
-@pytest.mark.parametrize("name", ["pendulum", "flying_spaghetti"])
-def test_no_path_begins_where_nothing_holds_what_loads_push(name, here):
-    done = call(name, "-o", "-", "--path")
+def test_no_path_begins_where_nothing_holds_what_loads_push(here):
+    done = call("flying_spaghetti", "-o", "-", "--path")
     assert done.exit_code == 3 and len(done.stdout.splitlines()) == 2
     assert "no path begins: without the loads nothing holds what they push" in done.stderr
     assert "leave out --path" in done.stderr

@@ -453,6 +453,78 @@ def test_what_may_turn_about_itself_gives_way_all_the_same():
     assert hfsim.static(parse_deck(BAR), path=True).status == "done"
 
 
+CRANE = """hfsim: 1
+gravity: {gravity}
+materials: {{steel: {{density: {density}, youngs_modulus: 210 GPa, poisson_ratio: 0.3}}}}
+sections: {{boom: {{shape: tube, outer_radius: 20 cm, inner_radius: 19 cm}}}}
+bodies:
+  boom: {{type: beam, material: steel, section: boom, length: 20, elements: 2}}
+  rod: {{type: rigid, mass: 8, inertia: {rod}, points: {{up: {up}, down: {down}}}}}
+  load: {{type: rigid, mass: 500, inertia: {load}, points: {{eye: {eye}}}}}
+joints:
+  heel: {{type: fixed, between: [ground, boom.root], {turn}}}
+  sheave: {{type: {hinge}, between: [boom.tip, rod.up]}}
+  hook: {{type: {hinge}, between: [rod.down, load.eye]}}
+initial: {{rod: {{position: {place}}}}}
+solve: {{duration: 1.0}}
+output: {{channels: [{channels}]}}
+"""
+PLANE = dict(
+    gravity=[0, -9.81], rod=40, load=50, up=[0, 4], down=[0, -4], eye=[0, 0.5], hinge="revolute",
+    channels="boom.tip.y",
+)  # fmt: skip
+SPACE = dict(
+    gravity=[0, 0, -9.81], rod=[40, 40, 1], load=[50] * 3, up=[0, 0, 4], down=[0, 0, -4], eye=[0, 0, 0.5],
+    hinge="spherical", channels="boom.tip.z",
+)  # fmt: skip
+
+
+def crane(n_dim, luff, density=7850.0):
+    """Return a boom from whose tip a rod and a load hang, in which only weight says where they hang."""
+    turn = f"angle: {luff} deg" if n_dim == 2 else f"orientation: {{axis: [0, 1, 0], angle: {-luff} deg}}"
+    across, up = 20.0 * np.cos(np.radians(luff)), 20.0 * np.sin(np.radians(luff)) - 4.0
+    place = [float(across), *[0.0] * (n_dim - 2), float(up)]
+    return CRANE.format(**(PLANE if n_dim == 2 else SPACE), turn=turn, place=place, density=density)
+
+
+@pytest.mark.parametrize("n_dim", [2, 3])
+def test_what_hangs_in_a_chain_passes_its_weight_on(n_dim):
+    """A boom of next to no mass under Euler's load at its tip; in space what hangs may spin as well."""
+    run = hfsim.static(parse_deck(crane(n_dim, 90, 1e-3)), buckling=1)
+    stiff = 2.1e11 * np.pi / 4.0 * (0.2**4 - 0.19**4)
+    assert run.statistics["critical"] == pytest.approx([EULER * stiff / 20.0**2 / (508.0 * 9.81)], rel=2e-3)
+    assert run.statistics["critical_reached"] == [True]
+
+
+@pytest.mark.parametrize("n_dim", [2, 3])
+def test_a_boom_that_bends_under_what_hangs_from_it_is_followed_and_has_no_critical_load(n_dim):
+    """It rests stably under the whole load, which is put on from a hundredth of it."""
+    rest = hfsim.static(parse_deck(crane(n_dim, 45)), buckling=1)
+    assert rest.statistics["stable"] and rest.statistics["critical"] == []
+    assert "nothing gives way up to" in rest.statistics["critical_reason"]
+    run = hfsim.static(parse_deck(crane(n_dim, 45)), path=True)
+    tip = "boom.tip.y" if n_dim == 2 else "boom.tip.z"
+    assert run.status == "done" and run["load"][[0, -1]] == pytest.approx([0.01, 1.0])
+    assert run.final[tip] == pytest.approx(rest.final[tip], abs=1e-9)
+    assert not run.statistics["limits"] and not run.statistics["branches"]
+
+
+def test_a_path_begins_with_what_rests_under_the_loads_that_are_not_varied():
+    """A pendulum that starts on its side and is held by its weight is pushed across."""
+    deck = """hfsim: 1
+gravity: [0, -10]
+bodies: {b: {type: rigid, mass: 1, inertia: 0.1, points: {top: [-1, 0]}}}
+joints: {j: {type: revolute, between: [ground, b.top]}}
+loads: {push: {type: force, at: b, force: [10, 0]}}
+initial: {b: {angle: 0}}
+solve: {duration: 1}
+output: {channels: [b.angle]}
+"""
+    run = hfsim.static(parse_deck(deck), path=True, vary=["push"])
+    assert run.status == "done" and run["load"][0] == 0.0
+    assert run["b.angle"] == pytest.approx(np.arctan(run["load"]) - 0.5 * np.pi, abs=1e-9)
+
+
 @pytest.mark.parametrize("elements", [6, 40])
 def test_a_follower_that_stays_keeps_its_skew_part_while_another_load_grows(elements):
     """cos k L = -F / P, k^2 = (F + P) / E I, of a column under a dead load P beside a follower F."""

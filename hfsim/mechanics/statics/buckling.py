@@ -17,6 +17,7 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Matrix, dense, is_sparse, skewness
 from hfsim.maths.pencils import EPS
 from hfsim.mechanics.small_motions import BY_DIFFERENCES
+from hfsim.mechanics.statics.beginning import begun
 from hfsim.mechanics.statics.newton import (
     MOVE,
     SHORTEST,
@@ -25,7 +26,6 @@ from hfsim.mechanics.statics.newton import (
     balanced,
     correction,
     follows,
-    stepped,
 )
 from hfsim.mechanics.statics.problem import Level, Problem, State, Tangent
 from hfsim.mechanics.statics.stability import is_symmetric, lowest
@@ -42,6 +42,8 @@ MOST = 12
 """Improvements of a factor."""
 REACHED = 1e-4
 """Least of these changes, relative to the factor, up to which only rounding of the stiffness is in it."""
+NEARER = 3
+"""Tries of a load before an estimate, each nearer to where it is looked from."""
 BESIDE = 0.02
 """Distance from a factor, relative, from which it is looked at where its neighbourhood leads away."""
 BEFORE = 0.9
@@ -91,15 +93,14 @@ def critical_factors(problem: Problem, effort: Effort, count: int = 3) -> list[F
     NotFoundError
         If there is no equilibrium without the loads, or nothing gives way as far as it can be followed.
     """
-    share, state = stepped(problem, effort, lambda share: Level(0.0, 1.0 - share))
-    if share < 1.0:
-        raise NotFoundError("there is no equilibrium without the loads", state)
-    first = _eigenpairs(problem, state, 0.0, STEP, effort, count + SPARE)
-    every = (_improved(problem, state, *one, effort) for one in first)
+    problem, state = begun(problem, effort)
+    begin, step = problem.least, STEP * (problem.least or 1.0)
+    first = _eigenpairs(problem, state, begin, step, effort, count + SPARE)
+    every = (_improved(problem, state, begin + ahead, motion, effort) for ahead, motion in first)
     improved = list(islice((one for one in every if one is not None), count))
     if first and not improved:
         improved = list(islice(_crossed(problem, state, effort, count), count))
-    stiffness = problem.tangent(state, 0.0).stiffness
+    stiffness = problem.tangent(state, begin).stiffness
     kept = list[Factor]()
     for one in sorted(improved, key=lambda one: (one.load, not one.found)):
         if (one.found or _felt(stiffness, one)) and not any(_same(one, other) for other in kept):
@@ -127,7 +128,7 @@ def _improved(problem: Problem, state: State, load: float, motion: Array, effort
     The straight line K + nu K' has zeros where K itself has none, as of what bends from the start.
     """
     found = best = Factor(load, False, motion)
-    at, before, least = 0.0, [load], abs(load)
+    at, before, least = problem.least, [load], abs(load)
     for _ in range(MOST):
         try:
             place, near = _next_to(problem, state, at, load, effort)
@@ -149,7 +150,7 @@ def _improved(problem: Problem, state: State, load: float, motion: Array, effort
         more = pairs[int(np.argmax(close))][0]
         motion = _followed(motion, [one for shift, one in pairs if abs(shift - more) <= ONE * abs(load)])
         state, at, load = near, place, place + more
-        if load <= 0.0:
+        if load <= problem.least:
             return None
         # at the factor itself all is rounding: from next to it the same is found again
         again = any(abs(load - one) <= AGAIN * abs(load) for one in before[:-1])
@@ -165,12 +166,20 @@ def _improved(problem: Problem, state: State, load: float, motion: Array, effort
 
 
 def _next_to(problem: Problem, state: State, at: float, load: float, effort: Effort) -> tuple[float, State]:
-    """Return a load with the equilibrium there or, where that at an estimate is too singular, before it."""
-    try:
-        return load, balanced(problem, state, Level(load), effort)
-    except (NotFoundError, np.linalg.LinAlgError):
-        before = at + BEFORE * (load - at)
-        return before, balanced(problem, state, Level(before), effort)
+    """Return a load with the equilibrium there or, where that at one is too singular or far, before it."""
+    moved = problem.moved(correction(problem, state, Level(load))[0])
+    for _ in range(NEARER):
+        if moved > MOVED:
+            load = at + BEFORE * MOVED / moved * (load - at)
+        try:
+            near = balanced(problem, state, Level(load), effort)
+        except (NotFoundError, np.linalg.LinAlgError):
+            load = at + BEFORE * (load - at)
+            near = balanced(problem, state, Level(load), effort)
+        moved = problem.moved(near.z - state.z)
+        if moved <= MOVED:
+            break
+    return load, near
 
 
 def _followed(motion: Array, others: list[Array]) -> Array:
@@ -197,7 +206,8 @@ def _crossed(problem: Problem, state: State, effort: Effort, count: int) -> Iter
     NotFoundError
         If it cannot be followed so far.
     """
-    load, unstable, found = 0.0, _unstable(problem, state, 0.0), 0
+    load, found = problem.least, 0
+    unstable = _unstable(problem, state, load)
     step = MOVE / max(problem.moved(_answered(problem, state)), 1e-300)
     shortest = SHORTEST * step
     for _ in range(FOLLOWED):
@@ -258,9 +268,9 @@ def _unstable(problem: Problem, state: State, load: float) -> int:
 
 
 def _answered(problem: Problem, state: State) -> Array:
-    """Return by what the equilibrium without the load changes with it, (1, n)."""
+    """Return by what the equilibrium from which it is followed changes with the load, (1, n)."""
     gaps = np.zeros_like(state.multipliers)
-    return problem.tangent(state, 0.0).solved(problem.load(state.z), gaps)[0]
+    return problem.tangent(state, problem.least).solved(problem.load(state.z), gaps)[0]
 
 
 def _eigenpairs(
@@ -278,7 +288,7 @@ def _eigenpairs(
     basis = _allowed(dense(tangent.jacobian), _scale(K)) if some is None else _spanned(some[1], _scale(K))
     rough = bool(problem.system.variable_mass)
     even = skewness(change, K) <= NOISE * (BY_DIFFERENCES if rough else EPS) / step and is_symmetric(K, rough)
-    found = _symmetric(basis, K, change, load) if even else None
+    found = _symmetric(basis, K, change, load - problem.least) if even else None
     factors, motions = found or _real(*(some or _projected(basis, K, change)))
     if count:
         factors, motions = factors[factors > 0.0], motions[factors > 0.0]

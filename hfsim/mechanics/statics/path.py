@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.mechanics.statics.newton import Effort, NotFoundError, balanced, stepped
+from hfsim.mechanics.statics.beginning import begun
+from hfsim.mechanics.statics.newton import Effort, NotFoundError, balanced
 from hfsim.mechanics.statics.problem import Level, Problem, State
 from hfsim.mechanics.statics.stability import lowest
 
@@ -100,19 +101,20 @@ class Path:
         self.crossings: list[Crossing] = []
 
     def follow(self) -> str:
-        """Follow the path from no load to the whole load; return why it ends before, if it does.
+        """Follow the path from where it begins to the whole load; return why it ends before, if it does.
 
         Raises
         ------
         NotFoundError
             If it leads to where the scene means nothing.
         """
-        problem, step = self.problem, FIRST
-        share, state = stepped(problem, self.effort, lambda share: Level(0.0, 1.0 - share))
-        if share < 1.0:
-            return "there is no equilibrium without the loads"
-        self.points.append(self._point(state, 0.0, None))
-        problem.note(0.0, state)
+        try:
+            problem, state = begun(self.problem, self.effort)
+        except NotFoundError as error:
+            return f"no path begins: {error}"
+        self.problem, step = problem, FIRST
+        self.points.append(self._point(state, problem.least, None))
+        problem.note(problem.least, state)
         if self.points[0].rate < FREE:
             return "no path begins: without the loads nothing holds what they push"
         while len(self.points) < MOST:

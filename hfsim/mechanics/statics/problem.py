@@ -131,6 +131,10 @@ class Problem:
         Steady rotation as seen from which the system is to stand still; its inertia grows with the load.
     hold : float
         What holds, in corrections alone, motions that nothing brings back: over the stiffest of all.
+    free : ndarray, shape (k, n), or None
+        Motions that nothing resists or pushes, which corrections leave out.
+    least : float
+        Load factor from which paths go on.
     """
 
     system: System
@@ -142,6 +146,8 @@ class Problem:
     watch: Watch = lambda load, state: None
     turning: Turning | None = None
     hold: float = 0.0
+    free: Array | None = None
+    least: float = 0.0
 
     @classmethod
     def of(
@@ -246,13 +252,30 @@ class Problem:
     def tangent(self, state: State, load: float) -> Tangent:
         """Return the derivatives of what is missing, with the strains that are expected, and what holds."""
         found = self._tangent(state, load)
+        if self.free is not None and len(self.free):
+            found = found._replace(stiffness=found.stiffness + self._stiffest(found) * self._left_out)
         if not self.hold:
             return found
-        stiffest = (np.abs(found.stiffness.diagonal()) / self.metric.diagonal()).max(initial=0.0) or 1.0
+        stiffest = self._stiffest(found)
         # what inertia alone brings back, or leads away, is not to feel it
         slight = SLIGHT * load * self.turning.rate**2 if self.turning is not None else 0.0
         held = slight if FAINT * stiffest < slight < self.hold * stiffest else self.hold * stiffest
         return found._replace(stiffness=found.stiffness + held * self.metric)
+
+    def _stiffest(self, tangent: Tangent) -> float:
+        return float((np.abs(tangent.stiffness.diagonal()) / self.metric.diagonal()).max(initial=0.0)) or 1.0
+
+    @cached_property
+    def _left_out(self) -> Matrix:
+        """What resists free motions, as much as the metric does, (n, n)."""
+        assert self.free is not None
+        weighed = np.asarray(self.free @ self.metric)
+        unit = np.linalg.solve(np.linalg.cholesky(weighed @ self.free.T), weighed)
+        if not is_sparse(self.metric):
+            return unit.T @ unit
+        from scipy.sparse import csr_array
+
+        return csr_array(unit.T) @ csr_array(unit)
 
     @cached_property
     def metric(self) -> Matrix:
