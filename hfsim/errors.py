@@ -143,6 +143,10 @@ def _around(line: str, column: int) -> tuple[str, int]:
     return "".join(char if char.isprintable() else " " for char in piece), column - start
 
 
+class NoStartError(DeckError):
+    """A deck whose start, an equilibrium or a steady rotation, is not found with its models."""
+
+
 class Terminated(KeyboardInterrupt):
     """A signal that ends a program, taken as an interruption from the keyboard is; ``name`` is its name."""
 

@@ -152,7 +152,7 @@ def make_plan(
     own = claim(path, to.force, marker="compare.json")
     # where the comparison there may be replaced, so may its runs
     force = to.force or bool(own.replaces)
-    folders = {model: claim(path / folder_name(model, ""), force) for model in chosen}
+    folders = {model: claim(path / folder_name(model, ""), force) for model in prepared.decks}
     study = Study("compare", talk, own, to.plots, about, to.format)
     return Plan(argument, tuple(overrides), prepared, study, folders)
 

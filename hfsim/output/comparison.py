@@ -93,7 +93,9 @@ def cost_columns(comparison: Comparison) -> tuple[Column, ...]:
     )
 
 
-def _solve(model: ModelResult) -> str:
+def _solve(model: ModelResult) -> str | None:
+    if not model.repeats:
+        return None
     spread = Spread(model.solve_cpu, model.solve_cpu_min, model.solve_cpu_max)
     return f"{model.solve_cpu:.4f} s" + (f" {spread.percent}" if model.repeats > 1 else "")
 

@@ -155,6 +155,10 @@ class Scene:
         still = still_bodies(self.deck, _kinds(self.loaded, self.models))
         return tuple(_part(self, group, still) for group in connected(self.deck, still))
 
+    def remade(self, models: Mapping[str, str]) -> Scene:
+        """Return the scene with other models of some beams."""
+        return build(self.loaded, self.model, {**self.models, **models})
+
     def marker(self, point: str, held: bool = False) -> Marker:
         """Return the marker of a point such as ``b1.tip``, or what a joint holds there."""
         return self._found((point, held), lambda: find_marker(point, self.bodies, self.deck, held))
@@ -223,8 +227,7 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
     refuse_too_large(loaded, bodies)
     joints, constraints = _joints(deck, bodies)
     start = _assembly(loaded, bodies)
-    poses, twists = start.poses.values(), start.twists.values()
-    every = tuple(zip(bodies.values(), poses, twists, strict=True))
+    every = tuple(zip(bodies.values(), start.poses.values(), start.twists.values(), strict=True))
     x = np.concatenate([body.placed(pose) for body, pose, _ in every])
     u = np.concatenate([body.moving(pose, twist) for body, pose, twist in every])
     angles = {name: pose.angle for name, pose in start.poses.items()}
@@ -361,8 +364,7 @@ def _joints(
             rows = tuple(row.standing() for row in rows)
         joints[name] = tuple(range(len(constraints), len(constraints) + len(rows)))
         constraints.extend(rows)
-    for body in bodies.values():
-        constraints.extend(body.own_constraints())
+    constraints.extend(one for body in bodies.values() for one in body.own_constraints())
     return joints, tuple(constraints)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hfsim.deck.laws import Law
-from hfsim.errors import SolverFailure
+from hfsim.errors import HfsimError, SolverFailure
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import wrap
 from hfsim.mechanics.force import ConstantForce, ForcePart
@@ -280,6 +280,17 @@ def doubts(scene: Assembled, found: Equilibrium, x: Array) -> Iterator[str]:
         )
 
 
+def _rests_with(scene: Assembled, models: dict[str, str], t: float) -> bool:
+    """Tell whether the scene comes to rest at a time [s] with other models of some beams."""
+    try:
+        other = scene.remade(models)
+        # what starts from where it rests has found that place
+        begun = t == 0.0 and bool(scene.deck.resting or scene.deck.steady)
+        return begun or not equilibrium_of(other, problem_of(other, t)).reason
+    except (HfsimError, np.linalg.LinAlgError):
+        return False
+
+
 def why_not(scene: Assembled, t: float, found: Equilibrium) -> SolverFailure:
     """Return why there is no equilibrium at a time [s], with what to try."""
     lost = found.lost or found.state
@@ -296,9 +307,10 @@ def why_not(scene: Assembled, t: float, found: Equilibrium) -> SolverFailure:
         remedy = "--path follows the load through its limit; --set changes a load"
         return SolverFailure(reason, t, evidence={"load": found.limit, "search": found.reason}, remedy=remedy)
     rough = [name for name, model in scene.models.items() if MODELS[model].truncated]
-    if rough and found.reason == ENDLESS:
-        reason = f"no place of rest is found with the model {scene.models[rough[0]]} of {', '.join(rough)}"
-        remedy = "hfsim static with --model exact"
+    if rough and (found.reason == ENDLESS or _rests_with(scene, dict.fromkeys(rough, "exact"), t)):
+        models = " and ".join(dict.fromkeys(scene.models[name] for name in rough))
+        reason = f"no place of rest is found with the model {models} of {', '.join(rough)}"
+        remedy = "the model exact" if found.reason == ENDLESS else "the model exact: with it there is one"
         evidence = {"search": found.reason}
         return SolverFailure(reason, t, f"bodies.{rough[0]}", "model", evidence, remedy)
     if len(found.neutral):

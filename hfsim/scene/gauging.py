@@ -65,6 +65,9 @@ class Assembled(Protocol):
     def marker(self, point: str) -> Marker:
         """Return the marker of a point."""
 
+    def remade(self, models: Mapping[str, str]) -> Assembled:
+        """Return the scene with other models of some beams."""
+
 
 def gauge_of(scene: Assembled) -> Gauge:
     """Return by what changes of a scene are measured."""

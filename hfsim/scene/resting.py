@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hfsim.errors import NoStartError
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import dense, is_sparse
 from hfsim.maths.rotations import spun
@@ -23,6 +24,7 @@ from hfsim.scene.equilibrium import (
 )
 from hfsim.scene.gauging import Assembled
 from hfsim.scene.initial import AT_REST, STEADY
+from hfsim.scene.loading import LoadedDeck
 
 FIRM, LOOSE = 1e-3, 1e-9
 """Weights of rates that are stated, and of those that follow from joints, whose own is one."""
@@ -57,7 +59,7 @@ def at_rest(scene: Assembled) -> Rest:
 
     Raises
     ------
-    DeckError
+    NoStartError
         If there is no equilibrium.
     """
     if scene.deck.steady is not None:
@@ -70,7 +72,7 @@ def at_rest(scene: Assembled) -> Rest:
     found = equilibrium_of(scene, problem, bodies)
     if found.reason:
         why = why_not(scene, 0.0, found)
-        raise loaded.problem(f"initial.{AT_REST}", f"there is none: {why}", why.remedy)
+        raise _no_start(loaded, f"initial.{AT_REST}", f"there is none: {why}", why.remedy)
     turns(1.0, found.state)
     x = problem.expand(found.state.z)
     told = tuple(f"initial.{AT_REST}: {one}" for one in doubts(scene, found, x))
@@ -82,8 +84,8 @@ def _steady(scene: Assembled) -> Rest:
 
     Raises
     ------
-    DeckError
-        If there is none.
+    NoStartError
+        If there is none, a `DeckError` if not everything can turn with the body.
     """
     spec, turns = scene.deck.steady, Turns(scene)
     assert spec is not None
@@ -99,12 +101,12 @@ def _steady(scene: Assembled) -> Rest:
     if found.reason:
         why = why_not(scene, 0.0, found)
         remedy = "a lower rate" if found.limit is not None else why.remedy
-        raise scene.loaded.problem(path, f"no steady rotation is found: {why}", remedy)
+        raise _no_start(scene.loaded, path, f"no steady rotation is found: {why}", remedy)
     turns(1.0, found.state)
     x = problem.expand(found.state.z)
     if floats and not _balanced(scene, x, turning):
         told = "no steady rotation is found: beside the stiffness, what inertia does is rounding"
-        raise scene.loaded.problem(path, told, "a higher rate, or a start nearer to it")
+        raise _no_start(scene.loaded, path, told, "a higher rate, or a start nearer to it")
     u = turning.rates(x)
     drift = scene.system.unreduced.phi.drift(np.zeros(1), x, u)
     if np.abs(drift).max(initial=0.0) > MISSED * np.abs(u).max(initial=0.0):
@@ -112,6 +114,12 @@ def _steady(scene: Assembled) -> Rest:
         raise scene.loaded.problem(path, told, "let all that moves hang on that body")
     told = f"{path}: weight, springs or loads meet it otherwise after a turn: it is steady at the start alone"
     return _begun(scene, turns, x, u, () if _goes_on(scene, x, turning) else (told,))
+
+
+def _no_start(loaded: LoadedDeck, path: str, message: str, remedy: str) -> NoStartError:
+    """Return the exception that refuses a deck, with its models, at what it says of its start."""
+    found = loaded.problem(path, message, remedy)
+    return NoStartError(found.file, found.problems, found.text, found.others)
 
 
 def _goes_on(scene: Assembled, x: Array, turning: Turning) -> bool:

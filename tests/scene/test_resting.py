@@ -1,14 +1,19 @@
 """Scenes that start from equilibrium: they stay there, take stated rates, and tell where there is none."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import yaml
 
 import hfsim
-from hfsim.errors import DeckError
+from hfsim.errors import DeckError, NoStartError
+from hfsim.output.comparison import as_text
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.shipped import find_deck
 from hfsim.simulate import simulate
+from hfsim.studies.compare import as_facts
 
 ARM = """
 hfsim: 1
@@ -292,3 +297,49 @@ def test_what_floats_turns_about_a_main_axis_of_inertia_or_is_refused():
     with pytest.raises(DeckError, match="what inertia does is rounding") as caught:
         build(parse_deck(text.replace("RATE", "0.001")))
     assert "a lower rate" not in str(caught.value)
+
+
+ROPE = """
+hfsim: 1
+gravity: [0.0, -9.81]
+materials: {m: {density: 5000.0, youngs_modulus: 1.0e11}}
+sections: {s: {shape: circle, diameter: 0.016}}
+bodies:
+  rope: {type: beam, material: m, section: s, length: 8.0, elements: 4}
+  load: {type: rigid, mass: 500.0, inertia: 50.0, points: {eye: [0.0, 0.5]}}
+joints:
+  sheave: {type: revolute, between: [ground, rope.root]}
+  hook: {type: revolute, between: [rope.tip, load.eye]}
+initial: {equilibrium: true, rope: {angle: -80 deg}}
+solve: {duration: 0.01}
+output: {channels: [load.x, load.y, rope.root.axial_force], plots: false}
+"""
+
+
+def test_a_model_that_leaves_out_what_holds_a_scene_is_blamed_by_name():
+    with pytest.raises(NoStartError, match=r"with the model linear of rope.*exact") as told:
+        build(parse_deck(ROPE, overrides=["solve.model=linear"]))
+    assert "nothing holds" not in str(told.value)
+    changes = {"initial.equilibrium": False, "solve.model": "linear"}
+    found = hfsim.static(hfsim.load(yaml.safe_load(ROPE)), changes, check=False)
+    assert found.failure["class"] == "model" and found.failure["item"] == "bodies.rope"
+
+
+def test_a_scene_that_no_model_holds_is_blamed_itself():
+    pushed = ROPE.replace("joints:", "loads: {push: {type: moment, at: load, moment: 1.0}}\njoints:")
+    pushed = pushed.replace("[0.0, 0.5]", "[0.0, 0.0]")
+    with pytest.raises(NoStartError, match="nothing holds what the loads push: load"):
+        build(parse_deck(pushed, overrides=["solve.model=linear"]))
+
+
+def test_a_comparison_goes_on_without_a_model_that_has_no_start():
+    found = hfsim.compare(hfsim.load(yaml.safe_load(ROPE)), ["rigid", "linear"], repeats=1)
+    assert [one.model for one in found.models] == ["rigid", "linear", "exact"]
+    refused = found.result("linear")
+    assert refused.status == "refused" and "the model linear of rope" in refused.reason
+    assert set(found.runs) == {"rigid", "exact"} and found.verdict == "exact"
+    told = as_text(found, Path("out"))
+    assert "linear has no start: initial.equilibrium: there is none" in told
+    assert as_facts(found)["models"]["linear"]["status"] == "refused"
+    with pytest.raises(NoStartError):
+        hfsim.compare(hfsim.load(yaml.safe_load(ROPE)), ["linear"], reference="linear")

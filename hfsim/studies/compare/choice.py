@@ -6,12 +6,12 @@ and what is to be known of the choice goes to a function that takes a line of te
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from hfsim.deck.source import did_you_mean
-from hfsim.errors import DeckError, HfsimError
+from hfsim.errors import DeckError, HfsimError, NoStartError
 from hfsim.integrators import steps_in_absolute_coordinates
 from hfsim.parts.bodies.beam import BeamSpec
 from hfsim.parts.bodies.models import MODELS
@@ -49,12 +49,15 @@ class Prepared:
         What makes the deck that of the model.
     channels : tuple of str
         Those that are judged; empty for the usual ones.
+    refused : dict of str to str
+        Models with which the scene has no start, and why; they have no deck.
     """
 
     reference: str
     decks: dict[str, LoadedDeck]
     overrides: dict[str, tuple[str, ...]]
     channels: tuple[str, ...] = ()
+    refused: Mapping[str, str] = field(default_factory=dict)
 
 
 def usual_models(load: Load, note: Note) -> tuple[str, ...]:
@@ -130,22 +133,29 @@ def prepare(
     Raises
     ------
     DeckError
-        If it is bad with any model, or a model unknown.
+        If it is bad with any model, has no start with the reference, or a model is unknown.
     ChoiceError
         If a channel cannot be judged.
     """
     overrides = {model: _settings(load, model, note) for model in models}
-    decks = {model: _assembled(load(own)) for model, own in overrides.items()}
+    decks, refused = dict[str, LoadedDeck](), dict[str, str]()
+    for model, own in overrides.items():
+        try:
+            decks[model] = _assembled(load(own))
+        except NoStartError as error:
+            if model == reference:
+                raise
+            refused[model] = f"{error.problems[0].path}: {error.problems[0].message}"
     refuse_unjudged(channels, decks[reference].deck)
-    if {"exact", "ancf"} <= set(models) and frames_serve(decks["exact"], note):
+    if {"exact", "ancf"} <= set(decks) and frames_serve(decks["exact"], note):
         overrides["exact"] += ("solve.coordinates=frame",)
         decks["exact"] = _assembled(load(overrides["exact"]))
-    told = {model: note if model == reference else None for model in models}
+    told = {model: note if model == reference else None for model in decks}
     decks = {model: deck.with_numbers(told[model]) for model, deck in decks.items()}
     kept = own_models(decks[reference].deck)
     if kept:
         note(f"{kept} in every run: a body's own model is not replaced")
-    return Prepared(reference, decks, overrides, tuple(channels))
+    return Prepared(reference, decks, overrides, tuple(channels), refused)
 
 
 def _settings(load: Load, model: str, note: Note) -> tuple[str, ...]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from hfsim.marching.solution import Run
 from hfsim.parts.bodies.models import MODELS
 from hfsim.studies.compare.difference import Difference, difference
 from hfsim.studies.compare.measurements import Measured
-from hfsim.studies.compare.result import Comparison, ModelResult
+from hfsim.studies.compare.result import REFUSED, Comparison, ModelResult
 from hfsim.studies.timing import Spread
 
 _SCATTER = 0.1
@@ -29,6 +30,7 @@ def compare(
     measured: Measured | None = None,
     channels: Collection[str] = (),
     interrupted: bool = False,
+    refused: Mapping[str, str] = MappingProxyType({}),
 ) -> Comparison:
     """Hold several models of one scene against one of them.
 
@@ -46,6 +48,8 @@ def compare(
         Those that are judged; without any, positions, angles and deflections, see `decisive`.
     interrupted : bool
         Whether a signal ended the runs or what was measured of them: there is no verdict then.
+    refused : mapping of str to str
+        Models with which the scene has no start, and why; they stand first.
 
     Returns
     -------
@@ -64,7 +68,8 @@ def compare(
     if truth is not None and len(truth.t):
         scales = decisive(channel_scales(truth.channels, truth.outlines), channels)
     found = measured or Measured()
-    models = tuple(_judged(run, truth, scales, max_error, found) for run in runs)
+    judged = (_judged(run, truth, scales, max_error, found) for run in runs)
+    models = (*(_refused(model, why) for model, why in refused.items()), *judged)
     whole = truth is not None and truth.status == "done" and not interrupted
     best = cheapest(models, reference) if whole else None
     return Comparison(
@@ -79,6 +84,10 @@ def compare(
         interrupted=interrupted,
         runs={run.model: run for run in runs},
     )
+
+
+def _refused(model: str, why: str) -> ModelResult:
+    return ModelResult(model, "", REFUSED, why, 0.0, 0.0, 0.0, 0.0, {}, 0, (), None, adequate=False)
 
 
 def _judged(

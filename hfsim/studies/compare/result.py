@@ -11,6 +11,9 @@ from hfsim.marching.solution import Run
 from hfsim.studies.compare.difference import Difference
 from hfsim.studies.compare.words import ending, percent
 
+REFUSED = "refused"
+"""Status of a model with which the scene has no start."""
+
 
 @dataclass(frozen=True)
 class ModelResult:
@@ -19,7 +22,7 @@ class ModelResult:
     Attributes
     ----------
     model, method, status, reason : str
-        As in `Run`.
+        As in `Run`; or ``refused``, where the scene has no start with it.
     stop_time : float
         When its computation stopped [s].
     solve_cpu, solve_cpu_min, solve_cpu_max : float
@@ -84,6 +87,8 @@ class ModelResult:
     @property
     def ended(self) -> str:
         """How and when it ended early."""
+        if self.status == REFUSED:
+            return "has no start"
         return ending(self.status, self.stop_time)
 
     @property
@@ -124,7 +129,7 @@ class Comparison:
     interrupted : bool
         Whether a signal ended it: what had been computed until then is all there is.
     runs : mapping of str to Run
-        By model.
+        By model, but for those that are refused.
     """
 
     name: str

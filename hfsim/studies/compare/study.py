@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 from hfsim.marching.solution import Run
@@ -61,7 +62,17 @@ def carry_out(
     except KeyboardInterrupt:
         pass
     there = [runs[model] for model in models if model in runs]
-    return compare(there, prepared.reference, max_error, found, prepared.channels, interrupted=not ended)
+    found_out = compare(
+        there,
+        prepared.reference,
+        max_error,
+        found,
+        prepared.channels,
+        interrupted=not ended,
+        refused=prepared.refused,
+    )
+    asked = list(prepared.overrides)
+    return replace(found_out, models=tuple(sorted(found_out.models, key=lambda one: asked.index(one.model))))
 
 
 def _run_of(prepared: Prepared, error_estimate: bool, job: tuple[str, Progress]) -> Run:
