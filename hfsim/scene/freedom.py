@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,9 +14,6 @@ from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Linkage
 from hfsim.scene.rules import owners
 from hfsim.scene.schema import Deck
-
-if TYPE_CHECKING:
-    from hfsim.parts.specs import JointSpec, SpringSpec
 
 MOST_BODIES = 100
 """Bodies of one mechanism up to which its free motions are told apart."""
@@ -218,7 +215,8 @@ def slips(deck: Deck, assembly: Assembly, motions: Sequence[FreeMotion]) -> Iter
     others_stand = len(set().union(*afloat.values())) < len(deck.bodies)
     for motion in motions:
         if motion.body in afloat:
-            yield from _floating(deck, motion, afloat[motion.body], others_stand)
+            members = _floating_with(assembly, motion, afloat[motion.body])
+            yield from _floating(deck, motion.body, members, others_stand)
         if motion.inertia < NO_MASS:
             message = f"hardly any mass resists this free motion: {motion}"
             yield f"bodies.{motion.body}", message
@@ -234,29 +232,36 @@ def _groups(assembly: Assembly) -> dict[str, set[str]]:
     return {names[k]: {names[n] for n in group} for group in groups for k in group}
 
 
-def _floating(
-    deck: Deck, motion: FreeMotion, group: set[str], others_stand: bool
-) -> Iterator[tuple[str, str]]:
-    """Yield why a body that floats, the nearest to the ground of its mechanism, looks as if it should not."""
-    alone = any("ground" in owners(joint) and owners(joint) & group for joint in deck.joints.values())
-    members = {motion.body, *motion.takes_along} if alone else group
-    if any(spring.carries and owners(spring) & members for spring in deck.springs.values()):
+def _floating(deck: Deck, body: str, members: set[str], others_stand: bool) -> Iterator[tuple[str, str]]:
+    """Yield why a body that floats, the nearest to the ground of its mechanism, looks as if it should not.
+
+    Parameters
+    ----------
+    members : set of str
+        Bodies that float with it.
+    """
+    entries = (*deck.joints.items(), *deck.springs.items())
+    ties = [(name, tie) for name, tie in entries if owners(tie) & members and owners(tie) - members]
+    if any(tie.carries for _, tie in ties) or any(_placed(deck, one) for one in members):
         return
-    turned = [
-        f"'{name}'" for name, tie in (*deck.joints.items(), *deck.springs.items()) if _turns(tie, members)
-    ]
-    path, names = f"bodies.{motion.body}", ", ".join(f"'{one}'" for one in deck.bodies if one in members)
-    if turned:
-        yield path, f"floats, though {', '.join(turned)} turns it: no joint holds it in place"
-    elif (any(deck.gravity) or others_stand) and not any(_placed(deck, one) for one in members):
-        stated = "state a position or velocity under 'initial' if that is meant"
-        yield path, f"nothing connects {names} to the ground; {stated}"
+    stated = "state a position or velocity under 'initial' if that is meant"
+    *others, last = [f"'{name}'" for name, _ in ties] or [""]
+    turning = f"{', '.join(others)} and {last} turn" if others else f"{last} turns"
+    if ties:
+        yield f"bodies.{body}", f"floats, though {turning} it: no joint holds it in place; {stated}"
+    elif any(deck.gravity) or others_stand:
+        names = ", ".join(f"'{one}'" for one in deck.bodies if one in members)
+        yield f"bodies.{body}", f"nothing connects {names} to the ground; {stated}"
 
 
-def _turns(tie: JointSpec | SpringSpec, members: set[str]) -> bool:
-    """Whether a driver or a spring acts between the members and others, but on the angle alone."""
-    ends = owners(tie)
-    return bool(ends & members) and bool(ends - members) and not tie.carries
+def _floating_with(assembly: Assembly, motion: FreeMotion, group: set[str]) -> set[str]:
+    """Return the bodies that joints connect with the ground by way of one that floats, if at all."""
+    link, names = assembly.linkage, (*assembly.poses, "ground")
+    ends = [{names[-1 if n is None else n] for n in map(link.owner, c.ends)} for c in link.constraints]
+    held, floating = {"ground"}, {motion.body, *motion.takes_along}
+    while more := {one for pair in ends if pair & held and not pair & floating for one in pair} - held:
+        held |= more
+    return group - held
 
 
 def _placed(deck: Deck, name: str) -> bool:

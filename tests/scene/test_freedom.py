@@ -19,6 +19,9 @@ ARM = "arm: {type: rigid, mass: 1.0, inertia: 0.1, points: {root: [-0.5, 0.0], t
 AXLE = "axle: {type: revolute, between: [ground, hub]}"
 ELBOW = "elbow: {type: revolute, between: [hub.rim, arm.root]}"
 MOTOR = "motor: {type: driver, between: [ground, hub], angle: {type: constant_rate, rate: 1.0}}"
+TRIM = "trim: {type: servo, between: [ground, hub], angle: 0.0, stiffness: 1.0}"
+LEG = "{type: servo, between: [ground, hub], position: 0.0, stiffness: 1.0"
+LEGS = [f"leg_x: {LEG}, axis: [1.0, 0.0]}}", f"leg_y: {LEG}, axis: [0.0, 1.0]}}"]
 
 
 def scene(bodies, joints=(), extra="", gravity=0.0):
@@ -111,6 +114,13 @@ def test_an_undriven_four_bar_has_one_motion_that_takes_all_along():
             0.0,
             "floats, though 'coil' turns it",
         ),
+        (
+            [HUB, ARM],
+            [MOTOR, TRIM, ELBOW],
+            "springs: {coil: {type: rotational, between: [hub.rim, arm.root], stiffness: 1.0}}",
+            0.0,
+            "bodies.hub (line 4): floats, though 'motor' and 'trim' turn it: no joint holds it in place; state a",
+        ),
         ([HUB, ARM], [AXLE], "", 0.0, "bodies.arm (line 5): nothing connects 'arm' to the ground"),
         ([HUB, ARM], [ELBOW], "", -9.81, "bodies.hub (line 4): nothing connects 'hub', 'arm' to the ground"),
         ([HUB], [], "", -9.81, "bodies.hub (line 4): nothing connects 'hub' to the ground"),
@@ -146,6 +156,10 @@ def test_what_looks_like_a_slip_is_warned_of(bodies, joints, extra, gravity, exp
         ([HUB], [], "springs: {cord: {type: two_point, between: [ground, hub.rim], stiffness: 1.0}}", -9.81),
         ([HUB], [], "loads: {push: {type: force, at: hub, force: [1.0, 0.0]}}", 0.0),
         ([HUB, ARM], [AXLE, MOTOR, ELBOW], "", -9.81),
+        ([HUB, ARM], [MOTOR, ELBOW, LEGS[0], LEGS[1]], "", -9.81),
+        ([HUB], LEGS, "", -9.81),
+        ([HUB, ARM], [TRIM, ELBOW], "initial: {hub: {position: [0.0, 0.0], velocity: [0.0, 0.0]}}", 0.0),
+        ([HUB, ARM], [MOTOR, ELBOW], "initial: {arm: {position: [0.5, 0.0]}}", 0.0),
     ],
 )
 def test_what_floats_on_purpose_is_not_nagged(bodies, joints, extra, gravity):
