@@ -14,7 +14,7 @@ from hfsim.integrators import Limits, Method, PlainIncrements, Problem, Trajecto
 from hfsim.marching.record import LegRecord, Record
 from hfsim.marching.runaway import RateWatch, SectionsWatch, Watch, Watches
 from hfsim.marching.steps import State, Steps, Stop, Strand, Together
-from hfsim.marching.stop import SHIELD, Progress, TimeUp
+from hfsim.marching.stop import SHIELD, BudgetUsedError, Progress, TimeUp
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import is_sparse
 from hfsim.mechanics.counting import Turns
@@ -100,6 +100,9 @@ def run_integration(
         stop = steps.stop
     else:
         stop = _recorded(steps, scene, record)
+    if isinstance(stop, BudgetUsedError):
+        # whoever raised it knows another share: that of all the work, before steps that were made at once
+        stop = BudgetUsedError(stop.seconds, steps.path.t_end / solve.duration)
     method = ", ".join(steps.path.names) or _method(scene, solve).name
     return Integration(steps.path, steps.problem, method, stop)
 

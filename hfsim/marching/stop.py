@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from typing import Any
@@ -27,6 +28,14 @@ class Halted(LimitReached):
 
 class TimeUp(Halted):
     """The time allowed was used up."""
+
+
+class BudgetUsedError(TimeUp):
+    """The budget of a run [s] was used up."""
+
+    def __init__(self, seconds: float, share: float = 0.0) -> None:
+        super().__init__(f"the budget of {seconds:g} s was used up at {_done(share)} of the duration", share)
+        self.seconds = seconds
 
 
 class Shield:
@@ -101,12 +110,15 @@ class Budget:
         Reading of `clock` from which the budget counts.
     report : callable
         Told the used share, 0 to 1, at every step.
+    spent : bool
+        Whether the budget that this is a part of is used up.
     """
 
     seconds: float
     clock: Callable[[], float] = time.perf_counter
     start: float = -1.0
     report: Progress = nobody
+    spent: bool = False
 
     def __post_init__(self) -> None:
         if self.start < 0.0:
@@ -120,7 +132,7 @@ class Budget:
     @property
     def left(self) -> float:
         """Time left [s]; negative when overdrawn."""
-        return self.seconds - self.used
+        return -math.inf if self.spent else self.seconds - self.used
 
     def guard(self, allowed: float | None = None) -> Progress:
         """Return what ends a run after ``allowed`` seconds from now, or when the budget is used up."""
@@ -128,7 +140,11 @@ class Budget:
 
         def check(share: float) -> None:
             used = self.used
-            self.report(min(1.0, used / self.seconds) if self.seconds > 0.0 else 1.0)
+            try:
+                self.report(min(1.0, used / self.seconds) if self.seconds > 0.0 else 1.0)
+            except BudgetUsedError:
+                self.spent = True
+                raise
             if used > end:
                 raise TimeUp(f"cut off at {_done(share)} of the duration", share)
 
@@ -148,8 +164,7 @@ class Budget:
         def check(share: float) -> None:
             report(share)
             if self.left < 0.0:
-                used = f"the budget of {self.seconds:g} s was used up"
-                raise TimeUp(f"{used} at {_done(share)} of the duration", share)
+                raise BudgetUsedError(self.seconds, share)
 
         return check
 

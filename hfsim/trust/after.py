@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
 from hfsim.marching.clock import PhaseClock
 from hfsim.marching.distance import farthest
-from hfsim.marching.stop import Budget, Progress
+from hfsim.marching.stop import Budget, BudgetUsedError, Progress
 from hfsim.maths.frozen import mutable
 from hfsim.trust.estimate import Compared, Estimate, advice
 from hfsim.trust.experiments import time_for
@@ -115,6 +115,7 @@ class Aftermath:
     def find(self, statistics: dict[str, Any]) -> None:
         """Do all that is wanted; of a run that failed, find the cause first."""
         self.stop = self.run.legs[-1].done.stop
+        self.budget.spent = isinstance(self.stop, BudgetUsedError)
         work = [self._time_error, self._mesh_error]
         order = [self._diagnosis, *work] if isinstance(self.stop, SolverFailure) else [*work, self._diagnosis]
         for find in order:
@@ -151,7 +152,7 @@ class Aftermath:
         if not reason and (len(self.run.legs) > 1 or isinstance(self.stop, LimitReached)):
             reason = "models change in the run" if len(self.run.legs) > 1 else "the run did not reach its end"
         if not reason and self.budget.left <= 0.0:
-            reason = f"no time was left for it; {advice(self.clock.cpu['solve'])}"
+            reason = f"no time was left for it; {advice(self.clock.cpu['solve'], self.budget)}"
         self.facts["diagnosis_reason"] = reason
         if reason:
             return
@@ -167,7 +168,7 @@ class Aftermath:
 
                 self.facts["suspicion"] = suspect(scene, done, statistics, self.budget)
                 self._ringing()
-            cut = f"cut short when its time was up; {advice(self.clock.cpu['solve'])}"
+            cut = f"cut short when its time was up; {advice(self.clock.cpu['solve'], self.budget)}"
             self.facts["diagnosis_reason"] = cut if self.budget.left <= 0.0 else ""
 
     def _ringing(self) -> None:

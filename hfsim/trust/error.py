@@ -18,7 +18,7 @@ from hfsim.marching.stop import Budget, Progress
 from hfsim.maths.arrays import Array
 from hfsim.scene.build import Scene
 from hfsim.scene.schema import SolveSpec
-from hfsim.trust.estimate import Compared, Estimate, advice, why_not
+from hfsim.trust.estimate import LARGER, USED_UP, Compared, Estimate, no_time, why_not
 
 COARSER = 1.0 / 3.0
 """Part of the distance to a run with coarser steps that is taken as the error."""
@@ -70,12 +70,14 @@ def time_error(run: Compared, budget: Budget, seconds: float) -> Estimate:
     if not steps:
         return Estimate(None, "no step was made")
     finer, coarser = _finer(solve), _coarser(solve)
-    found = Estimate(None, f"no time for a second run; {advice(seconds)}")
+    found = Estimate(None, no_time("a second run", seconds, budget))
     if finer is not None and budget.left > (finer.cost + coarser.cost) * seconds:
         found = _measured(run, finer, budget.guard(budget.left - coarser.cost * seconds), seconds)
     if found.error is None and budget.left > 0.0:
         other = _measured(run, coarser, budget.guard(), seconds)
         found = other if other.error is not None or found.until is None else found
+    if budget.spent and found.reason.endswith(SAME):
+        return Estimate(None, f"{USED_UP} in a second run; {LARGER}")
     if found.error == 0.0 or found.reason.endswith(SAME):
         # what bounds the steps is not the tolerance: they may be as long as the run, or as can be solved
         halved = _measured(run, _halved(run.end / steps), budget.guard(), seconds)

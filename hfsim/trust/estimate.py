@@ -13,7 +13,9 @@ from hfsim.marching.distance import channel_errors, error_scales, farthest, scen
 from hfsim.marching.integration import Integration, Leg
 from hfsim.marching.record import Record
 from hfsim.marching.solution import Channel
-from hfsim.marching.stop import TimeUp
+from hfsim.marching.stop import Budget, BudgetUsedError, TimeUp
+
+USED_UP, LARGER = "the budget of the run was used up", "allow more with --budget"
 
 
 class Estimate(NamedTuple):
@@ -111,13 +113,28 @@ def why_not(done: Integration, words: str, seconds: float) -> str:
     stop = done.stop
     if isinstance(stop, KeyboardInterrupt):
         raise stop
+    if isinstance(stop, BudgetUsedError):
+        return f"{USED_UP} in a second run with {words}; {LARGER}"
     if isinstance(stop, TimeUp):
-        return f"a second run with {words} was {stop}, as its time was up; {advice(seconds)}"
+        return f"a second run with {words} was {stop}, as its time was up; {_longer(seconds)}"
     if isinstance(stop, HfsimError):
         return f"a second run with {words} stopped at {done.trajectory.t_end:.4g} s: {stop}"
     return ""
 
 
-def advice(seconds: float) -> str:
+def advice(seconds: float, budget: Budget) -> str:
     """Return which option would allow second runs more time than a run has taken [s]."""
+    if budget.spent:
+        return f"{USED_UP}; {LARGER}"
+    return _longer(seconds)
+
+
+def no_time(words: str, seconds: float, budget: Budget) -> str:
+    """Return why a second run, with some words on it, is not even begun."""
+    if budget.spent:
+        return f"{USED_UP} before {words} could tell the error; {LARGER}"
+    return f"no time for {words}; {_longer(seconds)}"
+
+
+def _longer(seconds: float) -> str:
     return f"allow more with --after {max(2, math.ceil(4.0 * seconds))}s"

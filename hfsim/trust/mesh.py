@@ -19,7 +19,7 @@ from hfsim.parts.bodies import BeamSpec
 from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.build import Scene, build
 from hfsim.scene.schema import SolveSpec
-from hfsim.trust.estimate import Compared, Estimate, advice, why_not
+from hfsim.trust.estimate import Compared, Estimate, no_time, why_not
 
 UNRESOLVED = 0.05
 """Distance to a coarser mesh from which all of it is the estimate, without the time for a richer one: 0.24 to
@@ -139,7 +139,7 @@ def _measured(run: Compared, mesh: Mesh, update: dict[str, Any], budget: Budget,
     """Run on another mesh and return the distance."""
     words = _words(mesh)
     if budget.left <= 0.0:
-        return Estimate(None, f"no time for a second run with {words}; {advice(seconds)}")
+        return Estimate(None, no_time(f"a second run with {words}", seconds, budget))
     leg = run.legs[0]
     try:
         scene = remeshed(leg.scene, mesh)

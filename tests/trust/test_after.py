@@ -13,7 +13,7 @@ from hfsim.errors import SolverFailure, Terminated
 from hfsim.marching.distance import channel_errors
 from hfsim.marching.integration import Leg, run_integration
 from hfsim.marching.record import Record
-from hfsim.marching.stop import Budget
+from hfsim.marching.stop import Budget, BudgetUsedError, nobody
 from hfsim.output.report import errors
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
@@ -447,3 +447,56 @@ def test_summaries_have_last_values_and_extremes(tmp_path, monkeypatch):
     assert [*summary["final"].values()] == rows[-1].tolist()
     assert [*summary["extremes"].values()] == np.stack([rows.min(0), rows.max(0)], axis=1).tolist()
     assert all(map(math.isfinite, summary["final"].values()))
+
+
+class Seconds:
+    """A clock on which a second passes each time it is read, until it stops."""
+
+    def __init__(self, until=math.inf):
+        self.now, self.until = 0.0, until
+
+    def __call__(self):
+        self.now = min(self.now + 1.0, self.until)
+        return self.now
+
+
+@pytest.mark.parametrize("changes", [(), ("solve.step=1e-3", "solve.method=gear")])
+def test_a_used_budget_tells_the_share_of_the_duration_and_starts_no_second_run(changes, monkeypatch):
+    begun = []
+    monkeypatch.setattr(error, "_again", lambda *args: begun.append(args))
+    found = simulate(
+        pendulum("solve.duration=1.0", *changes),
+        progress=Budget(20.0, Seconds()).limiting(nobody),
+        mesh_estimate=True,
+        diagnosis=True,
+        after=100.0,
+    )
+    share = f"{100.0 * found.reached:.2g} %"
+    assert found.status == "limit" and 0.0 < found.reached < 1.0
+    assert found.reason == f"the budget of 20 s was used up at {share} of the duration"
+    why = found.statistics["error_estimate_reason"]
+    assert "used up before a second run could tell the error" in why and "--budget" in why
+    assert not begun and "--after" not in why
+
+
+def test_a_budget_used_up_in_a_second_run_ends_all_further_work(monkeypatch):
+    begun = []
+
+    def again(*args, **named):
+        begun.append(args)
+        return run_integration(*args, **named)
+
+    def report(share):
+        if begun:
+            raise BudgetUsedError(3.0, share)
+
+    for one in (error, mesh):
+        monkeypatch.setattr(one, "run_integration", again)
+    wish = {"mesh_estimate": True, "diagnosis": True, "after": 1e3}
+    found = simulate(pendulum("solve.duration=0.2"), progress=report, **wish)
+    facts = found.statistics
+    assert found.status == "done" and len(begun) == 1
+    assert facts["error_estimate_reason"].startswith("the budget of the run was used up in a second run")
+    assert "used up before a second run" in facts["mesh_error_estimate_reason"]
+    assert "used up" in facts["diagnosis_reason"]
+    assert not any("--after" in facts[f"{one}_reason"] for one in after.AFTER)
