@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
@@ -19,7 +20,7 @@ def override(source: DeckSource, overrides: Sequence[str], spec: type[Spec]) -> 
     Parameters
     ----------
     overrides : sequence of str
-        ``KEY=VALUE`` each, KEY dotted, VALUE in YAML.
+        ``KEY=VALUE`` each, KEY dotted, VALUE in YAML; ``KEY=null`` takes an entry out.
     spec : type
         The class of whole decks.
     """
@@ -45,6 +46,8 @@ def _set_entry(source: DeckSource, override: str, spec: type[Spec]) -> OverrideP
     if why := why_unset(source.data, name, spec):
         return OverrideProblem(name, why[0], why[1], file=option)
     path = source.path_of(name)
+    if reader.data is None and not isinstance(entry_at(source.data, path[:-1]), list):
+        return _take_out(source, path, OverrideProblem(name, "", file=option), spec)
     parent: Any = source.data
     for depth, step in enumerate(path[:-1], 1):
         if entry_at(source.data, path[:depth]) is None:
@@ -53,6 +56,20 @@ def _set_entry(source: DeckSource, override: str, spec: type[Spec]) -> OverrideP
         parent = parent[step]
     parent[path[-1]] = reader.data
     source.overridden[path] = option
+    return None
+
+
+def _take_out(
+    source: DeckSource, path: Path, place: OverrideProblem, spec: type[Spec]
+) -> OverrideProblem | None:
+    """Take an entry out of the data; return why it cannot be one of the deck."""
+    parent = entry_at(source.data, path[:-1]) or {}
+    kinds = [kind for kind in _kinds_at(spec, path[:-1])[0] if get_origin(kind) is not dict]
+    if path[-1] not in parent and not any(path[-1] in _fields_of(kind) for kind in kinds):
+        why = f"there is no {dotted(path)} in the deck"
+        return replace(place, message=why, hint=did_you_mean(str(path[-1]), parent))
+    parent.pop(path[-1], None)
+    source.overridden[path] = place.file
     return None
 
 

@@ -562,6 +562,32 @@ def test_a_value_left_empty_in_a_deck_is_refused_but_overrides_take_it_out(key):
     assert parse_deck(text, overrides=[f"{key}=null"]).deck.dimension == 2
 
 
+@pytest.mark.parametrize(
+    ("path", "left"),
+    [
+        ("initial.steady", {"hub": {"angle": 0.5}}),
+        ("initial.hub", {"steady": {"body": "hub", "rate": 2.0}}),
+        ("initial.hub.angle", {"hub": {}, "steady": {"body": "hub", "rate": 2.0}}),
+        ("initial", None),
+    ],
+)
+def test_null_takes_an_entry_out(path, left):
+    data = yaml.safe_load(SMALL)
+    data |= {"bodies": {"hub": {"type": "rigid", "mass": 1, "inertia": 1}}, "materials": {}, "sections": {}}
+    data["joints"] = {"pin": {"type": "revolute", "between": ["ground", "hub"]}}
+    data["initial"] = {"hub": {"angle": 0.5}, "steady": {"body": "hub", "rate": 2.0}}
+    changed = parse_deck(yaml.safe_dump(data), overrides=[f"{path}=null", "solve.step=null"])
+    assert changed.source.data.get("initial") == left
+    assert changed.deck.steady is None or path != "initial.steady"
+
+
+def test_null_takes_nothing_out_that_no_deck_has():
+    with pytest.raises(DeckError) as caught:
+        parse_deck(SMALL, overrides=["initial.stedy=null", "joints.pni=null", "solve.stpe=null"])
+    told = {one.message for one in caught.value.problems}
+    assert told == {f"there is no {one} in the deck" for one in ("initial.stedy", "joints.pni", "solve.stpe")}
+
+
 def test_a_key_without_a_value_is_refused_but_not_one_of_a_map():
     left = SMALL.replace("solve: {", "solve: {step: , ")
     assert left != SMALL

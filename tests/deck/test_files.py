@@ -249,3 +249,14 @@ def test_only_the_deck_itself_sets_parameters_of_its_parts(deck):
     changed(deck, "parts/other.yaml,", "")
     changed(deck, "parameters: {length: 2.0}", "parameters: [2.0]")
     assert "parts/arm.yaml:3:1: error: parameters: stands in line 5 of " in refusal(deck)
+
+
+def test_null_takes_out_what_an_included_file_states(deck):
+    changed = load_deck(deck, ["bodies.arm.elements=null"])
+    assert "elements" in load_deck(deck).source.data["bodies"]["arm"]
+    assert "elements" not in changed.source.data["bodies"]["arm"]
+    assert load_deck(deck).deck.loads and not load_deck(deck, ["loads.push=null"]).deck.loads
+    with pytest.raises(DeckError, match="there is no body 'bob'"):
+        load_deck(deck, ["bodies.bob=null"])
+    with pytest.raises(DeckError, match=r"--set: error: sections.bar.width: missing key"):
+        load_deck(deck, ["sections.bar.width=null"])
