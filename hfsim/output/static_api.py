@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from hfsim.errors import UnfinishedRunError
-from hfsim.output.api import folder_for, load
+from hfsim.output.api import folder_for, for_models, load
 from hfsim.output.arguments import AnyDeck, destination, in_arguments, integral, real, several
 
 if TYPE_CHECKING:
@@ -68,7 +68,8 @@ def static(
     real(at=at)
     integral(buckling=buckling)
     to = destination(output, force, plots)
-    loaded = load(deck, changes).with_numbers()
+    base = load(deck, changes)
+    loaded = for_models(base, (base.deck.solve.model,))
     with in_arguments():
         folder = None if to is None else folder_for(loaded, to)
     result = run_static(loaded, Wish(at, path, buckling, None if vary is None else several("vary", vary)))

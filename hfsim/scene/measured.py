@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -12,6 +13,7 @@ from hfsim.maths.rotations import wrap
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.system import System
+from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.channels import ChannelKind, kind_of
 from hfsim.parts.forces import AnySpring
 from hfsim.parts.joints import AnyJoint
@@ -106,6 +108,17 @@ def refuse_unread(loaded: LoadedDeck, scene: Assembled) -> None:
         if kind.measured and scene.coordinate(name, kind.measured) is None:
             message = f"{channel}: about its axis a line without sections has no angle"
             raise loaded.problem(path, message, "take element: cosserat")
+
+
+def without_blind_channels(loaded: LoadedDeck) -> LoadedDeck:
+    """Return a deck without the channels that its model refuses as one without strains."""
+    deck = loaded.deck
+    models = deck.models(deck.solve.model).items()
+    rigid = {name for name, model in models if model in MODELS and not MODELS[model].flexible}
+    blind = (kind_of(one).of_strains and one.partition(".")[0] in rigid for one in deck.channels)
+    kept = tuple(one for one, out in zip(deck.channels, blind, strict=True) if not out)
+    output = deck.output.model_copy(update={"channels": kept})
+    return replace(loaded, deck=deck.model_copy(update={"output": output}))
 
 
 def _asked(deck: Deck) -> Iterator[tuple[str, ChannelKind]]:

@@ -36,6 +36,7 @@ from hfsim.scene.equilibrium import (
     scaled,
     why_not,
 )
+from hfsim.scene.initial import AT_REST
 from hfsim.scene.loading import LoadedDeck
 from hfsim.trust.validity import watch_validity
 
@@ -134,7 +135,9 @@ def run_static(loaded: LoadedDeck, wish: Wish | float = 0.0) -> Run:
         samples = [_sampled(scene, wish, row) for row in rows]
         columns = [compute_channels(one) for one in samples]
     facts = {**facts_of(scene, samples[-1], found), **facts}
-    told += [*facts["warnings"], *out_of_range(scene, facts["validity"]), *doubtful_factors(scene, facts)]
+    again = {f"initial.{AT_REST}: {one}" for one in facts["warnings"]}
+    told = [*(one for one in told if one not in again), *facts["warnings"]]
+    told += [*out_of_range(scene, facts["validity"]), *doubtful_factors(scene, facts)]
     facts["warnings"] = told
     channels = [
         one._replace(values=np.concatenate([c.values for c in every]))

@@ -135,3 +135,28 @@ def test_a_time_after_the_run_is_none_after_the_laws(tmp_path):
     longer = "{times: [0, 3], values: [0, 1]}"
     deck.write_text(PUSHED.replace("DRIVEN", "{expression: t}").replace("LAW", longer))
     assert hfsim.static(deck, at=1.5).final["b.angle"] == pytest.approx(1.5)
+
+
+STRAINED = ["b1.tip.x", "b1.root.bending_moment"]
+
+
+def test_channels_that_a_rigid_beam_has_not_are_left_out_of_equilibria_and_do_not_matter_to_modes(here):
+    channels = ["--set", f"output.channels=[{', '.join(STRAINED)}]", "--model", "rigid", "--no-plots"]
+    done = call("pendulum", *channels)
+    assert done.exit_code == 0 and "b1.tip.x" in done.stdout
+    assert "model rigid has no b1.root.bending_moment: left out" in done.stderr
+    modes = CliRunner().invoke(app, ["modes", "pendulum", *channels])
+    assert modes.exit_code == 0 and "left out" not in modes.output
+    refused = CliRunner().invoke(app, ["run", "pendulum", *channels])
+    assert refused.exit_code == 2 and "no internal forces" in refused.output
+    changes = {"solve.model": "rigid", "output.channels": STRAINED}
+    assert list(hfsim.static("pendulum", changes).final) == STRAINED[:1]
+    alone = changes | {"output.channels": STRAINED[1:]}
+    rigid = hfsim.modes("pendulum", {"solve.model": "rigid"})
+    assert hfsim.modes("pendulum", alone).frequencies == rigid.frequencies
+
+
+def test_what_is_doubtful_about_a_start_at_rest_is_told_once(here):
+    lying = ["--set", "initial.equilibrium=true", "--set", "gravity=[0, 0]"]
+    done = call("pendulum", "--no-plots", *lying, "--set", "initial.b1.angular_velocity=0")
+    assert done.exit_code == 0 and done.stderr.count("one equilibrium of many") == 1

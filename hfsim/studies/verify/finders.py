@@ -187,11 +187,12 @@ def _turning(order: Order) -> tuple[Answer, ...]:
 
 def _of_modes(order: Order) -> tuple[Answer, ...]:
     """Find the small motions about a state."""
+    from hfsim.scene.measured import without_blind_channels
     from hfsim.studies.modes import modes_of
     from hfsim.studies.modes.about import about
 
-    most = max(one.number for one in order.quantities)
-    modes = modes_of(about(order.load(), str(order.place)), most).modes
+    most, loaded = max(one.number for one in order.quantities), without_blind_channels(order.load())
+    modes = modes_of(about(loaded, str(order.place)), most).modes
     found = {one.number: {"frequency": one.frequency, "damping": one.damping_ratio} for one in modes}
     missing = f"of {most} modes there are {len(found)}"
     return tuple(
