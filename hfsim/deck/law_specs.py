@@ -4,7 +4,9 @@ Values of a law are in SI of what it drives, its rates in the same per second: a
 and "120 rpm", a `PositionLaw` "9 mm" and "1 m/s".
 """
 
+import json
 import math
+import re
 from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
@@ -17,8 +19,8 @@ from hfsim.deck.fields import Angle, NonNegativeTime, Number, PositiveFrequency,
 from hfsim.deck.law_spec import LawSpec
 from hfsim.deck.laws import Law, LinearLaw, SineLaw, SpinUpLaw, SplineLaw, StepLaw
 from hfsim.deck.reader import Path
-from hfsim.deck.spec import Around, Before, Complaint, OneOf, ReadBy, refuse_all
-from hfsim.deck.units import UnitError, parse_quantity
+from hfsim.deck.spec import Around, Before, Complaint, OneOf, ReadBy, refusal, refuse_all
+from hfsim.deck.units import UnitError, describe, parse_quantity
 from hfsim.maths.piecewise import Piecewise
 
 if TYPE_CHECKING:
@@ -317,13 +319,17 @@ LAWS: dict[str, type[LawSpec]] = {
     get_args(spec.model_fields["type"].annotation)[0]: spec for spec in get_args(AnyLaw)
 }
 
+_OF_TIME = re.compile(r"\b[a-z]\w*\s*\(|[-+*/(]\s*t\b|\bt\s*[-+*/)]|^\s*t\s*$")
+"""A call, or time beside an operator or alone."""
 TOLD_BY = {"expression": "expression", "times": "table"}
 """Types of laws by the keys that tell them where none is stated."""
 
 
 def _read_law(data: object, value: str, rate: str) -> object:
     """Turn a bare number into a constant, and text with units into SI numbers of what the law drives."""
-    if isinstance(data, int | float | str) and not isinstance(data, bool):
+    if isinstance(data, str):
+        return {"type": "constant", "value": _constant(data, value)}
+    if isinstance(data, int | float) and not isinstance(data, bool):
         data = {"type": "constant", "value": data}
     if isinstance(data, dict) and "type" not in data and (told := TOLD_BY.keys() & data.keys()):
         data = {"type": TOLD_BY[min(told)], **data}
@@ -339,6 +345,17 @@ def _read_law(data: object, value: str, rate: str) -> object:
     }
     refuse_all(refused)
     return read
+
+
+def _constant(text: str, dimension: str) -> float:
+    """Return a text in SI; tell how one that looks like an expression would be a law."""
+    try:
+        return parse_quantity(text, dimension)
+    except UnitError as error:
+        if _OF_TIME.search(text) is None:
+            raise refusal(str(error), error.hint) from error
+        law = f"{{expression: {json.dumps(text, ensure_ascii=False)}}}"
+        raise refusal(f"must be {describe(dimension)} or a law, not the text '{text}'", law) from error
 
 
 def _unit_of(data: dict[str, Any], dimension: str, refused: list[Complaint]) -> tuple[float, dict[str, Any]]:

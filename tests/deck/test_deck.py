@@ -620,3 +620,28 @@ def test_what_is_no_decimal_comma_is_read_or_told_as_before():
     assert parse_source("map: {a: 1, b: 2,c: 3}\nlist: [1,5, 2]").data["list"] == [1, 5, 2]
     (problem,) = problems(SMALL.replace("length: 2", "length: 2, 5 m"))
     assert (problem.path, problem.message) == ("bodies.arm.5 m", "unknown key")
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "told"),
+    [
+        ("position", "1.2+0.1*sin(3*t)", True),
+        ("position", "2 * t", True),
+        ("position", "t/2", True),
+        ("position", "cos( 1 )", True),
+        ("angle", "t", True),
+        ("angle", "3 t", False),
+        ("position", "1.2 mmm", False),
+        ("position", "1/3 m", False),
+    ],
+)
+def test_an_expression_in_the_place_of_a_law_is_told_how_to_be_one(key, text, told):
+    driven = SMALL.replace("joints: {", "joints: {d: {type: driver, between: [ground, arm], KEY: LAW}, ")
+    with pytest.raises(DeckError) as caught:
+        parse_deck(driven.replace("KEY", key).replace("LAW", f"'{text}'"))
+    (problem,) = caught.value.problems
+    assert problem.path == f"joints.d.{key}" and problem.line == 6
+    assert (problem.hint == f'{{expression: "{text}"}}') == told
+    assert ("or a law, not the text" in problem.message) == told
+    if told:
+        parse_deck(driven.replace("KEY", key).replace("LAW", problem.hint))
