@@ -69,13 +69,14 @@ def as_text(comparison: Comparison, folder: Path) -> str:
 
 def cost_columns(comparison: Comparison) -> tuple[Column, ...]:
     """Return the columns of the table of models: how they ended, cost, error in time, worst difference."""
+    marks = {scale.channel: _mark(scale) for scale in comparison.scales}
 
     def worst(model: ModelResult) -> str:
         if model.model == comparison.reference:
             return "reference"
         if model.worst is None or model.worst.equal:
             return "equal within the time error" if model.worst else "-"
-        return f"{percent(model.worst.beyond)} {model.worst.channel}"
+        return f"{percent(model.worst.beyond)} {model.worst.channel}{marks.get(model.worst.channel, '')}"
 
     def time_of(phase: str) -> Column:
         spare = 2 + _PHASES.index(phase)

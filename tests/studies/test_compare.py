@@ -229,6 +229,8 @@ def test_a_tiny_deflection_is_judged_by_the_size_of_the_scene():
     assert scale.scale == pytest.approx(2e-3)
     assert comparison.result("linear").worst.max_relative > 10.0
     assert comparison.verdict == "lowOrder"
+    told = next(line for line in as_text(comparison, Path("out")).splitlines() if "linear" in line)
+    assert told.endswith("b1.tip.deflection *")
 
 
 def test_constraint_drift_is_shown_and_not_judged():
