@@ -27,8 +27,8 @@ _EVEN = 1e-6
 """Part of its size in others from which on a rigid motion counts as one by itself."""
 TOLD = 0.1
 """Part of the square of accelerations that may be other than those of an axis which moves on evenly."""
-_NONE = 1e-12
-"""Square of an angle in a step that is none."""
+SLIGHT = 1e-3
+"""Angle in a step [rad] for which nothing need be carried along."""
 _TINY = 1e-300
 
 
@@ -87,20 +87,21 @@ class Carrying:
     def along(self, q: Array, v: Array, a: Array, times: Array) -> Carried:
         """Carry a state (n,) on as its rates and accelerations say, by times (n_times,) [s].
 
-        Nothing is carried where rigid motion is not nearly all of what moves.
+        Nothing is carried where rigid motion is not nearly all of what moves, or hardly turns.
         """
         x = self.reduction.expand(q[None])
         turns = [self.reduction.free_rates(_turned(axis, x)) for axis in np.eye(3)]
         units = np.concatenate([self.shifts, *turns])
         factors = self._nearest(units, v)
-        left = self._square(v - factors @ units)
-        factors = np.where(left <= APART * self._square(v), 1.0, 0.0) * factors
+        as_one = self._square(v - factors @ units) <= APART * self._square(v)
+        far = factors[3:] @ factors[3:] * times[-1] ** 2 > SLIGHT**2
+        factors = np.where(as_one, 1.0, 0.0) * np.where(far, 1.0, 0.0) * factors
         whole, spin = factors @ units, factors[3:]
         square = spin @ spin
         travel = self._travel(whole, factors[:3], spin, a)
         turn = whole - travel
         bent = self.turned(spin, turn[None])[0]
-        square = square + _NONE / (times[-1] * times[-1])
+        square = square + (1e-3 * SLIGHT / times[-1]) ** 2
         rate, tau = np.sqrt(square), times[:, None]
         half = np.sin(0.5 * rate * tau)
         once, twice = np.sin(rate * tau) / rate, 2.0 * half * half / square
