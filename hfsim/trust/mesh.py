@@ -130,7 +130,8 @@ def _on_richer(run: Compared, budget: Budget, seconds: float) -> Estimate:
             loosely = found.error is not None and found.error >= TOLD
             return found._replace(by=f"{found.by} at a loose tolerance") if loosely else latest
         looser, found = found.error or 0.0, latest
-        if latest.error >= UNRESOLVED or max(looser, latest.error) <= ALIKE * min(looser, latest.error):
+        less, more = sorted((looser, latest.error))
+        if less >= UNRESOLVED or more <= ALIKE * less:
             break
     return found
 
