@@ -106,14 +106,21 @@ def rounding_of(
     share : float
         Of the largest coordinate; without it that of the last digit.
     """
-    last_digit = share * np.maximum(np.abs(x), np.abs(x).max(axis=1, keepdims=True))
-    largest = 0.0
-    ways = min(ROUNDINGS, 1 + ROUNDED // max(1, len(x)))
-    for signs in random_signs((ways, *x.shape)):
+    largest, last_digit = 0.0, _last_digit(x, share)
+    for signs in _ways(x):
         rounded = x + last_digit * signs
         stored = np.stack([system.strain_energy(rounded), system.potential_energy(t, rounded)])
         largest = max(largest, float(np.abs(stored - energies[1:]).max(initial=0.0)))
     return largest
+
+
+def _last_digit(x: Array, share: float) -> Array:
+    return np.asarray(share * np.maximum(np.abs(x), np.abs(x).max(axis=1, keepdims=True, initial=0.0)))
+
+
+def _ways(x: Array) -> Array:
+    """Return signs by which states (n_batch, n_x) are rounded up and down, of each way."""
+    return random_signs((min(ROUNDINGS, 1 + ROUNDED // max(1, len(x))), *x.shape))
 
 
 class Balance:
@@ -121,9 +128,9 @@ class Balance:
 
     The drift is the largest difference between the total energy and its initial value plus the work
     put in since, over the largest of the energies' ranges, those of the kinetic energy inside the steps
-    included: steps may begin and end at rest.  Where nothing moves, what the energies change by is that of
-    coordinates that are off by `ROUNDING`, which no tolerance is below: no drift up to `EXPLAINED` times
-    that, and beyond it a share of at least `AT_REST` times that.
+    included: steps may begin and end at rest.  Where nothing moves, what the energies change by and
+    the work of loads are those of coordinates that are off by `ROUNDING`, which no tolerance is below: no
+    drift up to `EXPLAINED` times that, and beyond it a share of at least `AT_REST` times that.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -155,7 +162,9 @@ class Balance:
             self._raise(_Sum.POSITION, np.abs(system.residual(t, x)).max(initial=0.0))
             self._raise(_Sum.VELOCITY, np.abs(system.drift(t, x, u)).max(initial=0.0))
         self._raise(_Sum.MOST_WORK, np.abs(work).max())
-        self._raise(_Sum.INNER, _inner_kinetic(system, steps))
+        kinetic, rounding = _inside(system, steps, FAR * sums[_Sum.SIZE])
+        self._raise(_Sum.INNER, kinetic)
+        self._raise(_Sum.ROUNDING, rounding)
         sums[_Sum.WORK] = work[-1]
 
     def _raise(self, name: _Sum, value: float) -> None:
@@ -211,18 +220,30 @@ def _share(residual: float, scale: float) -> float:
     return residual / scale if scale > 0.0 else 0.0
 
 
-def _inner_kinetic(system: System, steps: StepSamples) -> float:
-    """Return the largest kinetic energy in the middle of steps [J].
+def _inside(system: System, steps: StepSamples, far: float) -> tuple[float, float]:
+    """Return the largest kinetic energy in the middle of steps, and work of loads on rounded coordinates [J].
 
     Strain energies there would not do: in stiff scenes the interpolation stretches what a step does not.
+    Coordinates beyond ``far`` are not looked at as rounded.
     """
     count = len(steps.t) - 1
     if not count:
-        return 0.0
+        return 0.0, 0.0
     chosen = slice(None, None, 1 + count // LOOKED_INTO)
-    _, q, v = steps.inside(chosen, steps.shares[:: len(steps.shares) // 4].copy())
+    t, q, v = steps.inside(chosen, steps.shares[:: len(steps.shares) // 4].copy())
     x, u = system.absolute(q), system.absolute_velocity(q, v)
-    return float(system.kinetic_energy(x, u).max())
+    near = np.abs(x).max(axis=1, initial=0.0) < far
+    return float(system.kinetic_energy(x, u).max()), _work_on_rounding(system, t[near], x[near])
+
+
+def _work_on_rounding(system: System, t: Array, x: Array) -> float:
+    """Return the largest work of loads when each coordinate changes by `ROUNDING` [J]."""
+    loads, change = [part for part in system.forces if part.exchanges_power], _last_digit(x, ROUNDING)
+    found = [
+        np.abs(sum(load.power(t, x, change * signs) for load in loads)).max(initial=0.0)
+        for signs in (_ways(x) if loads else ())
+    ]
+    return float(max(found, default=0.0))
 
 
 def _work(scene: Scene, steps: StepSamples) -> Array:

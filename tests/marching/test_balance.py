@@ -93,6 +93,23 @@ def test_weight_on_what_holds_it_does_not_drift():
     assert drift(HUNG) == 0.0
 
 
+PUSHED = """
+hfsim: 1
+ground: {points: {wall: [0.043, 0.046]}}
+bodies: {b: {type: rigid, mass: 1.0, inertia: 0.01, points: {root: [-0.2, 0.0], tip: [0.2, 0.0]}}}
+joints: {clamp: {type: fixed, between: [ground.wall, b.root], angle: -55 deg}}
+loads: {f: {type: force, at: b.tip, force: [-3.4, 4.0], law: {type: sine, amplitude: 1.0, frequency: 3.8}}}
+solve: {duration: 0.5}
+"""
+
+
+@pytest.mark.parametrize("frequency", [3.8, 4.0])
+@pytest.mark.parametrize("method", ["gauss", "energy", "generalized_alpha"])
+def test_a_load_on_what_is_held_does_not_drift(method, frequency):
+    """Nothing is stored, and the work is that on rounded places; 4 Hz are zero where the step ends."""
+    assert drift(PUSHED, f"solve.method={method}", f"loads.f.law.frequency={frequency}") == 0.0
+
+
 SHAKEN = """
 hfsim: 1
 gravity: [0.0, -9.81]
