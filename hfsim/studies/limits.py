@@ -37,7 +37,7 @@ BOUNDS = (0.02, 24.0)
 WIDTH = 0.01
 """Relative width to which the longest stable step is located."""
 AMPLITUDE = 1e-4
-"""Largest change of a coordinate by the disturbance, in metres or slopes: small enough to be linear."""
+"""Motion of the disturbance, over the size of what moves most, or a turn of it: small enough to be linear."""
 BLOWN = 10.0
 """Energy, over the largest there should be, from which a run has blown up."""
 _ANSWER = 0.5

@@ -19,9 +19,10 @@ import numpy as np
 from hfsim.errors import HfsimError
 from hfsim.marching.integration import run_integration
 from hfsim.marching.stop import Budget, TimeUp
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, magnitude
 from hfsim.mechanics.modes import AnyModes, analytic_modes, modes_at_rest, modes_by_differences
 from hfsim.scene.build import Scene, build
+from hfsim.scene.gauging import gauge_of
 
 MOST_UNKNOWNS = 400
 """Unknowns up to which a scene is linearised by differences, and all eigenvalues are computed."""
@@ -108,11 +109,16 @@ def spectrum(scene: Scene, t: float, q: Array, v: Array) -> Spectrum:
 
 
 def fastest_mode(scene: Scene, t: float, q: Array, v: Array) -> tuple[float, Array]:
-    """Return the frequency that bounds steps [rad/s], and its shape in the state, (n,)."""
+    """Return the frequency that bounds steps [rad/s], and its shape in the state, (n,).
+
+    The body that moves most moves by its size in it, or some direction of it or angle by one.
+    """
     system = scene.system
-    if system.linearizes:
-        return analytic_modes(system, t, q, v, MOST_UNKNOWNS).fastest()
-    return linearise(scene, t, q, v).fastest()
+    analytic = system.linearizes
+    near = analytic_modes(system, t, q, v, MOST_UNKNOWNS) if analytic else linearise(scene, t, q, v)
+    omega, shape = near.fastest()
+    gauge, moved = gauge_of(scene), system.absolute_velocity(q[None], shape[None])
+    return omega, shape / max(gauge.size(moved), magnitude(moved[:, gauge.turning > 0.0]))
 
 
 def _in_body_frames(scene: Scene, q: Array, v: Array) -> tuple[Scene, tuple[Array, Array]]:

@@ -17,7 +17,7 @@ from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.shipped import CASES
 from hfsim.studies import limits as module
 from hfsim.studies.limits import Limit, LimitJob, Limits, limits, measure, theory
-from hfsim.studies.spectra import LimitsError, Spectrum, linearise, spectrum
+from hfsim.studies.spectra import LimitsError, Spectrum, fastest_mode, linearise, spectrum
 
 CANTILEVER = """
 hfsim: 1
@@ -252,6 +252,25 @@ def test_methods_that_stand_any_step(method, order):
     found = measure(LimitJob(WHEEL, "wheel", ("solve.stages=2",), "exact", method, order, 30.0))
     assert found.beyond is None and found.predicted is None
     assert found.longest > 10.0
+
+
+@pytest.mark.parametrize("model", ["exact", "linear", "ancf"])
+def test_the_disturbance_has_no_unit_of_length(model):
+    """Of places in metres and slopes alike it was a smaller share of a scene in millimetres."""
+
+    def energy(L):
+        scaled = (
+            f"bodies.b1.length={L}",
+            f"materials.alloy={{density: {2700 / L**3}, youngs_modulus: {7e10 / L}}}",
+            f"sections.bar={{area: {1e-4 * L**2}, second_moment: {1e-9 * L**4}}}",
+        )
+        scene = build(parse_deck(CANTILEVER, "deck", scaled), model)
+        _, shape = fastest_mode(scene, 0.0, scene.q, scene.v)
+        system, q = scene.system, scene.q[None]
+        moving = system.kinetic_energy(system.absolute(q), system.absolute_velocity(q, shape[None]))
+        return float(moving[0]) / L**2
+
+    assert energy(1e3) == pytest.approx(energy(1.0), rel=1e-6)
 
 
 @pytest.mark.parametrize("order", [1, 2])
