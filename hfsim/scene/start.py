@@ -36,8 +36,11 @@ ROUGH_TURN = 0.2
 """The same where a joint or driver fixes the angle outright [rad]."""
 ROUGH_PLACE = 0.05
 """The same of a stated position, relative to the largest distance of a joint from what it is on."""
-MOST_ROWS = 1500
-"""Joint equations up to which spins are told from velocities that follow from them."""
+MOST_ROWS = 500
+"""Joint equations up to which spins are told from velocities that follow from them by dense algebra."""
+LIGHT, PASSES = 1e-4, 3
+"""Unit of spins in larger scenes, beside the size for velocities, and steps that such units take: spins are
+the smallest but for 1e-8 of them."""
 ROUGH_RATE = 0.05
 """The same of stated velocities, relative to the largest of their kind."""
 
@@ -303,15 +306,21 @@ def _settle_rates(start: Start, J: Array, rates: Stated) -> None:
 
 
 def _least_turning(link: Linkage, J: Array, free: BoolArray, gap: Array) -> Array:
-    """Return rates (n,), zero where not free, that close gaps of rates; in space with the smallest spins."""
+    """Return rates (n,), zero where not free, that close gaps: with the smallest spins, then velocities.
+
+    One after the other: what both at once make smallest depends on the unit of length.
+    """
     step, shifts, spins = np.zeros(len(free)), free & ~link.turns, free & link.turns
-    if link.centres is None or not spins.any() or len(J) > MOST_ROWS:
-        step[free] = smallest_step(J[:, free], gap)
-        return step
-    sides, sizes, _ = np.linalg.svd(J[:, shifts])
-    left = sides[:, int(np.sum(sizes > CLOSED * sizes.max(initial=0.0))) :].T
-    step[spins] = smallest_step(left @ J[:, spins], left @ gap)
-    step[shifts] = smallest_step(J[:, shifts], gap - J @ step)
+    if spins.any() and len(J) <= MOST_ROWS:
+        sides, sizes, _ = np.linalg.svd(J[:, shifts])
+        left = sides[:, int(np.sum(sizes > CLOSED * sizes.max(initial=0.0))) :].T
+        step[spins] = smallest_step(left @ J[:, spins], left @ gap)
+    elif spins.any():
+        units = np.where(link.turns, LIGHT, link.size)[free]
+        rows, missed = J[:, free] * units / link.scales[:, None], gap / link.scales
+        for _ in range(PASSES):
+            step[free] += units * smallest_step(rows, missed - rows @ (step[free] / units))
+    step[shifts] += smallest_step(J[:, shifts], gap - J @ step)
     return step
 
 

@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 
 from hfsim.commands.init import starters
 from hfsim.errors import DeckError
+from hfsim.scene import start
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
@@ -262,6 +263,38 @@ def test_rough_velocities_are_guesses_and_false_ones_are_refused():
     assert "1.001 rad/s is taken as a guess: the joints allow 1 rad/s" in line
     problem = refused(four_bar(1.0, extra="initial: {crank: {angular_velocity: 1.5}}\n"))
     assert problem.path == "joints.motor" and "0.5 rad/s" in problem.message
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1.4, 1e3])
+@pytest.mark.parametrize("space", [False, True])
+@pytest.mark.parametrize("large", [False, True])
+def test_start_rates_that_nothing_states_have_no_unit_of_length(size, space, large, monkeypatch):
+    """A radian beside a metre gave the hub -0.478 rad/s, in kilometres -0.5, in millimetres -0.396."""
+    if large:
+        monkeypatch.setattr(start, "MOST_ROWS", 0)
+    z, axis, inertia = (", 0.0", ", axis: [0, 0, 1]", [0.1] * 3) if space else ("", "", 0.1)
+    axle, rim, root = (f"[{size * x}, 0.0{z}]" for x in (-0.2, 0.2, -0.3))
+    found = assembled(
+        parse_deck(f"""hfsim: 1
+gravity: [0.0, 0.0{z}]
+bodies:
+  hub: {{type: rigid, mass: 1.0, inertia: {inertia}, points: {{axle: {axle}, rim: {rim}}}}}
+  arm: {{type: rigid, mass: 1.0, inertia: {inertia}, points: {{root: {root}}}}}
+joints:
+  axle: {{type: revolute, between: [ground, hub.axle]{axis}}}
+  elbow: {{type: revolute, between: [hub.rim, arm.root]{axis}}}
+  drive: {{type: driver, between: [hub.rim, arm.root]{axis}, angle: {{type: constant_rate, rate: 1.0}}}}
+solve: {{duration: 1.0}}
+""")
+    )
+    hub, arm = found.twists["hub"], found.twists["arm"]
+    assert (hub.spin[-1], arm.spin[-1]) == pytest.approx((-0.5, 0.5), abs=1e-7)
+    assert (hub.velocity[1], arm.velocity[1]) == pytest.approx((-0.1 * size, -0.05 * size), rel=1e-6)
+    assert np.abs(found.linkage.slopes_by_rates(found.place) @ rates_of(found) + found.linkage.drift).max() < 1e-12 * size + 1e-12
+
+
+def rates_of(found):
+    return np.concatenate([np.concatenate(twist) for twist in found.twists.values()])
 
 
 def test_drivers_that_contradict_each_other_are_told_without_initial():
