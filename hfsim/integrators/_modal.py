@@ -36,8 +36,6 @@ class ModalDerivative(MotionsDerivative):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        # a velocity error of a mode swings out to itself over the frequency; slow ones over half a second
-        self._per_rate = 1.0 / np.sqrt(np.abs(self.w2) + 4.0)
         self._factors: ByStep[tuple[_Factor, _Factor]] = ByStep()
 
     def frequency(self) -> Array:
@@ -102,8 +100,11 @@ class ModalDerivative(MotionsDerivative):
         poles, m, joints, end_rate = len(table.poles), len(self.w2), self.joints, table.end_rate
         # the stages, and then what they do to rates at the end; what is in no mode counts as if it were slow
         joining = np.concatenate([table.joining, (end_rate @ table.joining)[None]])
-        moved = h * np.concatenate([h * table.A2, 0.5 * (end_rate @ table.A2)[None]])
-        R, per_rate = np.ascontiguousarray(self.R.T), self._per_rate / h
+        slow = table.slow(h)
+        moved = h * np.concatenate([h * table.A2, slow * (end_rate @ table.A2)[None]])
+        # a velocity error of a mode swings out to itself over the frequency
+        per_rate = 1.0 / np.sqrt(np.abs(self.w2) + 1.0 / slow**2) / h
+        R = np.ascontiguousarray(self.R.T)
 
         def correct(r: Array) -> tuple[Array, Array]:
             r = self._read(r)

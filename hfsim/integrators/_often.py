@@ -103,6 +103,8 @@ class Often(Remembering):
         many_forces: bool = False,
     ) -> None:
         self._start, self._end = start, end
+        self.duration = end - start
+        """Of the run [s]."""
         self._many = _many(n, many_forces) if n <= MOST or many_forces else inf
         self._wanted = recordings is not None and kernel.KERNEL == "native"
         self._recordings = Recordings() if recordings is None else recordings

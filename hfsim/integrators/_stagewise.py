@@ -78,11 +78,12 @@ class StagewiseStepper(CollocationStepper):
 
     def _newton(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
         problem, counts = self._problem, self._problem.counts
+        name = f"correction {self.label} {self.table.longest}"
         ending, far = Ending(q, self._tolerance), FAR * (1.0 + float(np.abs(q).max()))
         for k in range(MAX_ITERATIONS):
             problem.count(a)
             counts.iterations, counts.factorisations = counts.iterations + 1, counts.factorisations + 1
-            a, sizes = problem.often.call(f"correction {self.label}", self._corrected, (t, q, v, h, a))
+            a, sizes = problem.often.call(name, self._corrected, (t, q, v, h, a))
             self._iterations = k + 1
             change, size = map(float, sizes)
             if not size < far:
@@ -103,6 +104,6 @@ class StagewiseStepper(CollocationStepper):
         matrix = np.eye(s * n) - matrix.reshape(s * n, s * n)
         step = np.linalg.solve(matrix, (there - a).ravel()).reshape(s, n)
         y = A2 @ step
-        # what the change of the velocity at the end does in half a second, as if all motions were slow
-        sizes = np.stack([0.5 * np.abs(table.end_rate @ y).max() / h, np.abs(y).max()])
+        # what the change of the velocity at the end does as if all motions were slow
+        sizes = np.stack([table.slow(h) * np.abs(table.end_rate @ y).max() / h, np.abs(y).max()])
         return a + step, sizes

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from hfsim.integrators._poles import legendre_modes
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.frozen import frozen
+
+SLOW = 0.5
+"""For how long an error of a velocity that a step leaves is taken to last where motions are slow [s]..."""
+SLOW_PART, SLOW_STEPS = 1.0 / 80.0, 100.0
+"""...the part of runs that makes more of it, those longer than 40 s, whose motions may be slower, and the
+steps that it makes up at most: beyond, rounding would count."""
 
 
 def legendre(theta: Array, count: int) -> tuple[Array, Array, Array]:
@@ -73,6 +81,8 @@ class Collocation:
         ``A z = 2 Re(left @ (poles * (right @ z)))`` with a real pole counted half.
     parting, joining : ndarray, shapes (2 n_poles, s) and (s, 2 n_poles)
         ``right`` and ``2 Re(left @ ...)`` in real numbers: real parts, then imaginary ones.
+    longest : float
+        For how long an error of the velocity at the end of a step counts at most [s].
     """
 
     nodes: Array
@@ -89,11 +99,25 @@ class Collocation:
     right: ComplexArray
     parting: Array
     joining: Array
+    longest: float = SLOW
 
     @property
     def stages(self) -> int:
         """Number of stages."""
         return len(self.nodes)
+
+    def slow(self, h: float) -> Any:
+        """Return for how long slow motions go astray by an error of the velocity at the end of a step [s]."""
+        if self.longest == SLOW:
+            return SLOW
+        return np.maximum(SLOW, np.minimum(self.longest, SLOW_STEPS * h))
+
+
+@lru_cache(maxsize=64)
+def lasting(table: Collocation, duration: float) -> Collocation:
+    """Return a method for a run of some duration [s]: itself unless that is long."""
+    longest = SLOW_PART * duration
+    return replace(table, longest=longest) if longest > table.longest else table
 
 
 def _collocation(nodes: Array, order: int, last: Fraction) -> Collocation:

@@ -33,7 +33,7 @@ from hfsim.integrators._often import LARGE
 from hfsim.integrators._ordinary import END, LONGEST, REACH, Ahead, Rule, State
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._replayed import Held, Replay, Replays
-from hfsim.integrators._tableau import Collocation, gauss, radau
+from hfsim.integrators._tableau import Collocation, gauss, lasting, radau
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.mechanics.projection import MOST, ROUNDING
@@ -329,7 +329,7 @@ class CollocationStepper(Stepper):
         """Take the method for damping in stiff steps and the other one else."""
         damping = self._method.damping if stiff else None
         self.name, self._stiff = "radau" if damping else self._method.name, stiff
-        self.table = damping() if damping else self._usual
+        self.table = lasting(damping() if damping else self._usual, self._problem.often.duration)
         self._label, self.spans = f"{self.name}:{self.table.stages}", SPAN * self.table.stages
         self._at_end = bool(self.table.nodes[-1] == 1.0)
         """Whether the last stage is the end of the step."""

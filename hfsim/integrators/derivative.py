@@ -201,6 +201,7 @@ class DenseDerivative(MotionsDerivative):
         mu, joints, m = h * table.poles[:, None], self.joints, len(self.stiffness)
         inverse = self._inverse.of(h, lambda: self._inverted(mu[:, :, None] ** 2, mu[:, :, None]))
         right, joining, end_rate = mu**2 * table.right, table.joining, table.end_rate / h
+        slow = table.slow(h)
         R, moved = np.ascontiguousarray(self.R.T), h * h * table.A2
 
         def correct(r: Array) -> tuple[Array, Array]:
@@ -211,7 +212,7 @@ class DenseDerivative(MotionsDerivative):
             if joints is not None:
                 y += joints.closed(moved @ r[:, m:])
             # without modes every velocity error counts as if it were slow, which is on the safe side
-            return y, 0.5 * np.abs(end_rate @ y).max()
+            return y, slow * np.abs(end_rate @ y).max()
 
         return correct
 
@@ -313,11 +314,11 @@ class PlainDerivative(Derivative):
 
     def correction(self, table: Collocation, h: float) -> Correction:
         """Solve with M + (h pole)^2 K + h pole D."""
-        stages, end_rate = self._stages(table, h), table.end_rate / h
+        stages, end_rate, slow = self._stages(table, h), table.end_rate / h, table.slow(h)
 
         def correct(r: Array) -> tuple[Array, Array]:
             y = stages(*self._right_sides(r))
-            return y, 0.5 * np.abs(end_rate @ y).max()
+            return y, slow * np.abs(end_rate @ y).max()
 
         return correct
 
