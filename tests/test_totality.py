@@ -118,6 +118,7 @@ EXAMPLES = {
         **{name: f"arm.root.{name}" for name in ("axial_force", "shear_force", "bending_moment", "stress")},
         **{name: f"hub.{name}" for name in ("angle", "angular_velocity", "angular_acceleration")},
         **{name: f"energy.{name}" for name in ("kinetic", "strain", "potential", "total")},
+        **{name: f"momentum.{name}" for name in ("linear_x", "linear_y", "angular")},
         **{name: f"constraint.{name}" for name in ("position", "velocity")},
         **{name: f"pin.{name}" for name in ("force_x", "force_y", "moment", "torque", "power")},
         **{name: f"stay.{name}" for name in ("distance", "distance_rate", "force")},

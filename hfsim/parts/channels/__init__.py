@@ -11,7 +11,16 @@ from collections.abc import Container
 from itertools import chain
 from typing import Protocol
 
-from hfsim.parts.channels import deformation, energy, motion, reactions, section_forces, ties, violation
+from hfsim.parts.channels import (
+    deformation,
+    energy,
+    momentum,
+    motion,
+    reactions,
+    section_forces,
+    ties,
+    violation,
+)
 from hfsim.parts.channels._base import OWNERS, ChannelKind, Plot, Sampled, Samples
 from hfsim.parts.channels.section_forces import force_columns
 
@@ -65,6 +74,10 @@ _OF_THE_SCENE: dict[str, ChannelKind] = {
     "strain": energy.STRAIN,
     "potential": energy.POTENTIAL,
     "total": energy.TOTAL,
+    **_along("xyz", "linear", momentum.LINEAR),
+    "angular": momentum.ANGULAR,
+    **_along("xyz", "angular", momentum.ANGULARS),
+    **dict(zip("xyz", momentum.CENTRE, strict=True)),
     "position": violation.POSITION,
     "velocity": violation.VELOCITY,
 }

@@ -152,8 +152,9 @@ class Plot(NamedTuple):
     rows: bool = False
 
 
+OF_POSITIONS = Plot("position", "position", rows=True)
 OF_ANGLES, OF_SPINS = (Plot(words, words.replace(" ", "_")) for words in ("angle", "angular velocity"))
-"""Pictures of bodies and of joints and springs alike."""
+"""Pictures of several subjects."""
 
 
 class ChannelKind(NamedTuple):

@@ -8,9 +8,9 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import quaternion, rotation_vector
-from hfsim.parts.channels._base import OF_ANGLES, OF_SPINS, ChannelKind, Plot, Samples
+from hfsim.parts.channels._base import OF_ANGLES, OF_POSITIONS, OF_SPINS, ChannelKind, Plot, Samples
 
-_POSITION, _VELOCITY = Plot("position", "position", rows=True), Plot("velocity", "velocity")
+_VELOCITY = Plot("velocity", "velocity")
 
 
 def _position(axis: int) -> Callable[[Samples, str], Array]:
@@ -72,8 +72,8 @@ def _quaternion(part: int) -> Callable[[Samples, str], Array]:
     return lambda samples, body: quaternion(samples.frame(body))[:, part]
 
 
-X, Y = (ChannelKind("m", _position(axis), "point", _POSITION) for axis in (0, 1))
-Z = ChannelKind("m", _position(2), "point", _POSITION, dimensions=(3,))
+X, Y = (ChannelKind("m", _position(axis), "point", OF_POSITIONS) for axis in (0, 1))
+Z = ChannelKind("m", _position(2), "point", OF_POSITIONS, dimensions=(3,))
 """Absolute position of a point."""
 
 VX, VY = (ChannelKind("m/s", _velocity(axis), "point", _VELOCITY) for axis in (0, 1))
