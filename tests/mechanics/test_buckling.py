@@ -413,6 +413,41 @@ def test_critical_factors_do_not_hang_on_the_unit_of_length(length, element):
     assert all(one.found for one in found)
 
 
+ROD = """hfsim: 1
+gravity: [0, 0, 0]
+parameters: {{L: {length}, r: "${{L / 100}}"}}
+materials: {{m: {{density: 2000.0, youngs_modulus: 1.0e+12, poisson_ratio: 0.2}}}}
+sections: {{s: {{shape: circle, radius: "${{r}}"}}}}
+bodies: {{b: {{type: beam, material: m, section: s, length: "${{L}}", elements: 4, degree: 5}}}}
+joints: {{c: {{type: fixed, between: [ground, b.root]}}}}
+loads: {{p: {{type: force, at: b.tip, force: ["${{-1e12 * pi * r**4 / 4 / L**2}}", 0, 0]}}}}
+solve: {{duration: 1.0}}
+"""
+DEEP = """hfsim: 1
+gravity: [0, 0, 0]
+parameters: {{L: {length}}}
+sections:
+  s: {{mass_per_length: 1.0, rotary_inertia: ["${{2 * L**2}}", "${{L**2}}", "${{L**2}}"], axial_stiffness: 1.0e+9,
+       shear_stiffness: [1.0e+9, 1.0e+9], torsion_stiffness: "${{L**2}}",
+       bending_stiffness: ["${{L**2}}", "${{1e8 * L**2}}"]}}
+bodies: {{b: {{type: beam, section: s, length: "${{L}}", elements: 4, degree: 5}}}}
+joints: {{c: {{type: fixed, between: [ground, b.root]}}}}
+loads: {{p: {{type: force, at: b.tip, force: [0, 1, 0]}}}}
+solve: {{duration: 1.0}}
+"""
+
+
+@pytest.mark.parametrize("length", [1.0, 1e-3, 1e-7])
+@pytest.mark.parametrize(
+    ("deck", "factors"), [(ROD, [EULER, EULER, 9.0 * EULER]), (DEEP, [4.01258, 10.24612, 16.51613])]
+)
+def test_nor_do_those_in_space(deck, factors, length):
+    """Forces on lengths and on turns of sections have no common unit."""
+    found = critical_factors(problem_of(build(parse_deck(deck.format(length=length)))), Effort(), 3)
+    assert [one.load for one in found] == pytest.approx(factors, rel=2e-3)
+    assert all(one.found for one in found)
+
+
 @pytest.mark.parametrize("length", [1.0, 1e-2, 1e-4])
 def test_followers_turn_stiffness_alike_at_any_size(length):
     """Leipholz's column under 30 of the 40.05 E I / L^2 at which it flutters."""

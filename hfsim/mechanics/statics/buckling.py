@@ -285,7 +285,8 @@ def _eigenpairs(
     tangent = problem.tangent(state, load)
     K, change = tangent.stiffness, (high.stiffness - low.stiffness) / (2.0 * step)
     some = _sparse(tangent, change, count) if is_sparse(K) else None
-    basis = _allowed(dense(tangent.jacobian), _scale(K)) if some is None else _spanned(some[1], _scale(K))
+    scale = _scale(K, problem.metric)
+    basis = _allowed(dense(tangent.jacobian), scale) if some is None else _spanned(some[1], scale)
     rough = bool(problem.system.variable_mass)
     even = skewness(change, K) <= NOISE * (BY_DIFFERENCES if rough else EPS) / step and is_symmetric(K, rough)
     found = _symmetric(basis, K, change, load - problem.least) if even else None
@@ -302,10 +303,14 @@ def _real(values: Array, motions: Array) -> tuple[Array, Array]:
     return 1.0 / values.real[kept], motions[kept].real
 
 
-def _scale(K: Matrix) -> Array:
-    """Return changes of the coordinates that meet the same stiffness each, (n,): no unit counts in these."""
-    stiff = np.abs(K.diagonal())
-    return np.asarray(1.0 / np.sqrt(np.where(stiff > EPS * stiff.max(), stiff, stiff.max())))
+def _scale(K: Matrix, metric: Matrix) -> Array:
+    """Return changes of the coordinates that meet the same stiffness each, (n,): no unit counts in these.
+
+    What is stiff and what is not is told by the metric: those of lengths and turns have different units.
+    """
+    weights = metric.diagonal()
+    stiff = np.abs(K.diagonal()) / weights
+    return np.asarray(1.0 / np.sqrt(weights * np.where(stiff > EPS * stiff.max(), stiff, stiff.max())))
 
 
 def _allowed(J: Array, scale: Array) -> Array:
