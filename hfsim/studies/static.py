@@ -247,8 +247,8 @@ def doubtful_factors(scene: Scene, facts: dict[str, Any]) -> list[str]:
     if far := [f"{load:.4g}" for load, reached in pairs if not reached]:
         found.append(
             f"the critical load {'factor' if len(far) == 1 else 'factors'} {', '.join(far)}: extrapolated "
-            "from smaller loads, not reached, as where a limit point lies before; what a larger load with "
-            "--path crosses is exact"
+            "from smaller loads, not reached, as where a limit point lies before or the scene bends away; "
+            "what a larger load with --path crosses is exact"
         )
     stiff = [name for name, model in scene.models.items() if "stiffening" in MODELS[model].leaves_out]
     if "critical" in facts and stiff:

@@ -67,6 +67,9 @@ FOLLOWED = 80
 MOVED = 0.3
 """Change of a state from one load to another within which it is the same path [rad]."""
 
+Passed = list[tuple[float, State]]
+"""Loads on the way to a factor, with the equilibria there."""
+
 
 class Factor(NamedTuple):
     """A critical load factor.
@@ -129,6 +132,7 @@ def _improved(problem: Problem, state: State, load: float, motion: Array, effort
     """
     found = best = Factor(load, False, motion)
     at, before, least = problem.least, [load], abs(load)
+    passed = [(at, state)]
     for _ in range(MOST):
         try:
             place, near = _next_to(problem, state, at, load, effort)
@@ -141,7 +145,7 @@ def _improved(problem: Problem, state: State, load: float, motion: Array, effort
                 near = balanced(problem, state, Level(place), effort)
                 pairs = _eigenpairs(problem, near, place, STEP * place, effort, 0)
         except (NotFoundError, np.linalg.LinAlgError):
-            return best._replace(found=least <= REACHED * abs(best.load))
+            return _proved(problem, passed, best, effort) if least <= REACHED * abs(best.load) else best
         if not pairs:
             return None
         motion = motion / np.linalg.norm(motion)
@@ -150,19 +154,20 @@ def _improved(problem: Problem, state: State, load: float, motion: Array, effort
         more = pairs[int(np.argmax(close))][0]
         motion = _followed(motion, [one for shift, one in pairs if abs(shift - more) <= ONE * abs(load)])
         state, at, load = near, place, place + more
+        passed.append((at, state))
         if load <= problem.least:
             return None
         # at the factor itself all is rounding: from next to it the same is found again
         again = any(abs(load - one) <= AGAIN * abs(load) for one in before[:-1])
-        found = Factor(load, again or abs(more) <= SAME * abs(at) or abs(more) <= 1e-14, motion)
-        if found.found:
-            return found
+        found = Factor(load, False, motion)
+        if again or abs(more) <= SAME * abs(at) or abs(more) <= 1e-14:
+            return _proved(problem, passed, found, effort)
         before.append(load)
         if abs(more) <= least:
             best, least = found, abs(more)
     if least <= REACHED * abs(best.load):
-        return best._replace(found=True)
-    return _between(problem, state, best.load, effort) if least <= AHEAD * abs(best.load) else None
+        return _proved(problem, passed, best, effort)
+    return _between(problem, passed, best.load, effort) if least <= AHEAD * abs(best.load) else None
 
 
 def _next_to(problem: Problem, state: State, at: float, load: float, effort: Effort) -> tuple[float, State]:
@@ -188,14 +193,38 @@ def _followed(motion: Array, others: list[Array]) -> Array:
     return np.asarray(basis @ np.linalg.lstsq(basis, motion, rcond=None)[0])
 
 
-def _between(problem: Problem, state: State, load: float, effort: Effort) -> Factor | None:
-    """Return the factor near a load about which estimates go to and fro; None if there is none."""
-    ends = (1.0 - AHEAD) * load, (1.0 + AHEAD) * load
+def _proved(problem: Problem, passed: Passed, factor: Factor, effort: Effort) -> Factor | None:
+    """Return a factor at which estimates stay; None if nothing gives way there, as where it only bends."""
     try:
-        numbers = [_unstable(problem, balanced(problem, state, Level(end), effort), end) for end in ends]
-        return _located(problem, state, ends, numbers[0], effort) if numbers[0] < numbers[1] else None
+        (*_, before), (*_, beyond) = _around(problem, passed, factor.load, effort)
+    except (NotFoundError, np.linalg.LinAlgError):
+        return factor
+    return factor._replace(found=True) if before != beyond else None
+
+
+def _between(problem: Problem, passed: Passed, load: float, effort: Effort) -> Factor | None:
+    """Return the factor near a load about which estimates go to and fro; None if there is none."""
+    try:
+        (low, state, before), (high, _, beyond) = _around(problem, passed, load, effort)
+        return _located(problem, state, (low, high), before, effort) if before < beyond else None
     except (NotFoundError, np.linalg.LinAlgError):
         return None
+
+
+def _around(problem: Problem, passed: Passed, load: float, effort: Effort) -> list[tuple[float, State, int]]:
+    """Return loads on both sides of one, equilibria there and how many of their motions are not stable.
+
+    They are looked for from a load below, as next to a factor corrections lead to other paths; none is found
+    beyond where the path of the equilibrium turns off.
+    """
+    low, high = (1.0 - AHEAD) * load, (1.0 + AHEAD) * load
+    _, state = max((one for one in passed if one[0] <= low), key=lambda one: one[0], default=passed[0])
+    below = balanced(problem, state, Level(low), effort)
+    first = correction(problem, below, Level(high))
+    beyond = balanced(problem, below, Level(high), effort, first)
+    if not follows(problem, beyond.z - below.z, first[0], False):
+        raise NotFoundError("the path turns off", beyond)
+    return [(at, one, _unstable(problem, one, at)) for at, one in ((low, below), (high, beyond))]
 
 
 def _crossed(problem: Problem, state: State, effort: Effort, count: int) -> Iterator[Factor]:
