@@ -669,6 +669,39 @@ def test_an_arch_that_snaps_gives_way_before():
     assert any("are not stable" in one for one in found.statistics["warnings"])
 
 
+GABLE = """hfsim: 1
+gravity: [0.0, 0.0]
+ground: {points: {right: [1.0003553864373, 0.0]}}
+materials: {steel: {density: 7850.0, youngs_modulus: 2.0e+11}}
+sections: {strip: {shape: rectangle, width: 0.03, height: 0.01}}
+bodies:
+  left: &half {type: beam, element: cosserat, material: steel, section: strip, length: 0.52, elements: 3,
+    degree: 4}
+  right: *half
+joints:
+  a: {type: revolute, between: [ground, left.root]}
+  b: {type: fixed, between: [left.tip, right.root], angle: -0.554}
+  c: {type: revolute, between: [ground.right, right.tip]}
+loads: {push: {type: force, at: left.tip, force: [0.0, -60000.0]}}
+initial: {left: {angle: 0.277}, right: {angle: -0.277}}
+solve: {duration: 1.0}
+"""
+
+
+@pytest.mark.parametrize(("aside", "limit"), [(0.1, 0.1656632), (10.0, 0.1656573), (100.0, 0.1656340)])
+def test_the_path_of_an_arch_that_is_pushed_aside_a_little_turns_round_with_it(aside, limit):
+    """Next to the branch of the even arch, at 0.1656635; it comes by another, and turns there too."""
+    run = hfsim.static(parse_deck(GABLE), {"loads.push.force": [aside, -60000.0]}, path=True)
+    assert run.status == "done" and not run.statistics["branches"]
+    told = run.statistics["limits"]
+    assert told[0] == pytest.approx(limit, abs=1e-7) and len(told) == 4
+
+
+def test_the_branch_of_an_even_arch_is_its_critical_load():
+    run = hfsim.static(parse_deck(GABLE), path=True, buckling=1)
+    assert run.statistics["branches"][0] == pytest.approx(run.statistics["critical"][0], rel=1e-7)
+
+
 STRETCHED = """hfsim: 1
 sections:
   bar: {mass_per_length: 100, rotary_inertia: 10, axial_stiffness: 4.8e8, shear_stiffness: 3.231e8,

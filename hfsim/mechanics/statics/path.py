@@ -21,7 +21,7 @@ from hfsim.mechanics.statics.stability import lowest
 
 FIRST, LONGEST, SHORTEST = 0.05, 0.1, 1e-6
 """Lengths of steps: load factor and changes of the state [rad] together."""
-CLOSE = 1e-3
+CLOSE = 1e-5
 """Step within which a branch is crossed: longer ones shorten, as the path may turn off just before one."""
 MOST = 400
 """Steps."""
@@ -200,26 +200,28 @@ class Path:
             found.append(Crossing("limit", self._located(here, step, lambda one: one.rate), number))
         if changed := _branches(here, there):
             k = min(here.negative, there.negative)
-            load = self._located(here, step, lambda one: float(one.values[k]))
+            crossed = here.negative != there.negative
+            load = self._located(here, step, lambda one: float(one.values[k]) if crossed else one.rate)
             found += [Crossing("branch", load, number)] * changed
         self.crossings += found
 
     def _located(self, here: Point, step: float, measure: Callable[[Point], float]) -> float:
         """Return the load factor where a measure changes its sign within a step."""
         low, high, at_low = 0.0, step, measure(here)
-        load, at_high, weight = here.load, None, 1.0
+        loads, load, at_high, weight = [here.load, here.load], here.load, None, 1.0
         for _ in range(TRIES):
             share = 0.5 if at_high is None else at_low / (at_low - weight * at_high)
             middle = low + min(max(share, 0.01), 0.99) * (high - low)
             try:
                 there = self._next(here, middle)
-            except NotFoundError:
-                break
+            except NotFoundError:  # so near to a branch states are known less well than loads
+                share = 0.0 if at_high is None else at_low / (at_low - at_high)
+                return loads[0] + share * (loads[1] - loads[0])
             load, at = there.load, measure(there)
             if at * at_low > 0.0:
-                low, at_low, weight = middle, at, 0.5
+                low, at_low, weight, loads[0] = middle, at, 0.5, load
             else:
-                high, at_high, weight = middle, at, 1.0
+                high, at_high, weight, loads[1] = middle, at, 1.0, load
             if high - low < LOCATED * step or at == 0.0 or abs(at) < 1e-11 * abs(measure(here)):
                 break
         return load
@@ -231,5 +233,8 @@ def _turns(here: Point, there: Point) -> bool:
 
 
 def _branches(here: Point, there: Point) -> int:
-    """Return how many branches leave the path between two points, as far as signs of eigenvalues tell."""
-    return max(0, abs(there.negative - here.negative) - _turns(here, there))
+    """Return how many branches leave the path between two points, as far as signs of eigenvalues tell.
+
+    One of them changes where the load turns: if none does, a branch is there too.
+    """
+    return abs(abs(there.negative - here.negative) - _turns(here, there))
