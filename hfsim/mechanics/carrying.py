@@ -27,6 +27,8 @@ _EVEN = 1e-6
 """Part of its size in others from which on a rigid motion counts as one by itself."""
 TOLD = 0.1
 """Part of the square of accelerations that may be other than those of an axis which moves on evenly."""
+_FLAT = 1e-4
+"""Size of a motion about one axis, over that about another, from which down it is next to nothing."""
 SLIGHT = 1e-3
 """Angle in a step [rad] for which nothing need be carried along."""
 _TINY = 1e-300
@@ -132,9 +134,13 @@ class Carrying:
         return np.asarray((v @ self.mass) @ v)
 
     def _nearest(self, rows: Array, wanted: Array) -> Array:
-        """Return factors (k,) of rates (k, n) that come nearest to wanted ones, in the metric of the mass."""
+        """Return factors (k,) of rates (k, n) that come nearest to wanted ones, in the metric of the mass.
+
+        They are shifts or turns along three axes: one that is next to nothing beside the others is none.
+        """
         momenta = rows @ self.mass
-        sizes = np.sqrt(np.sum(momenta * rows, axis=1)) + _TINY**0.5
+        sizes = np.sqrt(np.maximum(np.sum(momenta * rows, axis=1), 0.0)).reshape(-1, 3)
+        sizes = np.maximum(sizes, _FLAT * sizes.max(axis=1, keepdims=True)).ravel() + _TINY**0.5
         scaled, unit = momenta / sizes[:, None], rows / sizes[:, None]
         inverse = np.linalg.inv(scaled @ unit.T + _EVEN * np.eye(len(rows)))
         found = inverse @ (scaled @ wanted)
