@@ -94,6 +94,9 @@ class JointSpec(Spec):
         """
         raise NotImplementedError
 
+    steadies: ClassVar[bool] = True
+    """Whether what it exerts depends on where its bodies are, so that it can hold them in place."""
+
     measures: ClassVar[tuple[tuple[str, str], ...]] = ()
     """Angle and distance that it has: the unit, and the key without which it has none, if any."""
 
@@ -142,8 +145,9 @@ class SpringSpec(Spec):
     carries: ClassVar[bool] = False
     """Whether it resists shifts of its bodies, not turns alone."""
 
+    steadies: ClassVar[bool] = True
     measures: ClassVar[tuple[tuple[str, str], ...]] = ()
-    """As of joints."""
+    """Both as of joints."""
 
     def build(self, first: "Marker", second: "Marker", start: Array) -> "ForcePart":
         """Return the force between two markers of a scene with coordinates (n,) at the start."""

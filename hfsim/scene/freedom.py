@@ -242,12 +242,12 @@ def _floating(deck: Deck, body: str, members: set[str], others_stand: bool) -> I
     """
     entries = (*deck.joints.items(), *deck.springs.items())
     ties = [(name, tie) for name, tie in entries if owners(tie) & members and owners(tie) - members]
-    if any(tie.carries for _, tie in ties) or any(_placed(deck, one) for one in members):
+    if any(tie.carries and tie.steadies for _, tie in ties) or any(_placed(deck, one) for one in members):
         return
     stated = "state a position or velocity under 'initial' if that is meant"
-    *others, last = [f"'{name}'" for name, _ in ties] or [""]
+    *others, last = [f"'{name}'" for name, tie in ties if not tie.carries] or [""]
     turning = f"{', '.join(others)} and {last} turn" if others else f"{last} turns"
-    if ties:
+    if last:
         yield f"bodies.{body}", f"floats, though {turning} it: no joint holds it in place; {stated}"
     elif any(deck.gravity) or others_stand:
         names = ", ".join(f"'{one}'" for one in deck.bodies if one in members)

@@ -106,8 +106,8 @@ def refuse_unread(loaded: LoadedDeck, scene: Assembled) -> None:
             message = f"{channel}: without strains, as in its model, a beam has no internal forces"
             raise loaded.problem(path, message, "take linear or exact")
         if kind.measured and scene.coordinate(name, kind.measured) is None:
-            message = f"{channel}: about its axis a line without sections has no angle"
-            raise loaded.problem(path, message, "take element: cosserat")
+            message = f"{channel}: of a line without sections there is no such angle about its axis"
+            raise loaded.problem(path, message, "take element: cosserat; across the line, name it second")
 
 
 def without_blind_channels(loaded: LoadedDeck) -> LoadedDeck:

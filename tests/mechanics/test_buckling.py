@@ -717,3 +717,26 @@ def test_a_path_that_ends_far_beyond_the_loads_has_no_critical_one():
     """The beam is twice as long there, and corrections from before the end lead to other paths."""
     run = hfsim.static(parse_deck(STRETCHED), buckling=1)
     assert run.statistics["critical"] == [] and "--path" in run.statistics["critical_reason"]
+
+
+HUNG = """hfsim: 1
+gravity: [0.0, -9.81]
+materials: {steel: {density: 7850.0, youngs_modulus: 2.1e11}}
+sections: {bar: {shape: rectangle, width: 0.05, height: 0.05}}
+bodies:
+  jib: {type: beam, material: steel, section: bar, length: 3.0, elements: 2}
+  line: {type: rigid, mass: 0.1, inertia: 0.01, points: {end: [0.5, 0.0]}}
+  load: {type: rigid, mass: 100.0, inertia: 5.0}
+joints:
+  wall: {type: fixed, between: [ground, jib.root]}
+  sheave: {type: revolute, between: [jib.tip, line]}
+  hook: {type: revolute, between: [line.end, load]}
+initial: {line: {angle: -1.0}}
+solve: {duration: 1.0}
+"""
+
+
+def test_what_is_loose_along_a_path_is_told():
+    found = hfsim.static(parse_deck(HUNG), path=True).statistics
+    assert found["held_by_nothing"] == ["load: turns about hook"]
+    assert any("nothing resists: load: turns about hook" in one for one in found["warnings"])

@@ -87,6 +87,14 @@ def test_what_does_not_move_as_one_is_not_carried(rng):
     assert not found.moved.any() and (found.v == v).all() and (found.a == a).all()
 
 
+def test_what_does_not_move_along_the_axis_says_nothing_of_it():
+    """Turns about an axis of the ground: shifts along it do not whirl, and rounding is no rate."""
+    scene = blades(SPACE)
+    problem, times = problem_of(scene), np.array([2e-5, 4e-5])
+    found = problem.carrying.along(scene.q, scene.v, problem.single(0.0, scene.q, scene.v), times)
+    assert found.moved == pytest.approx(times[:, None] * scene.v, abs=1e-5)
+
+
 def test_only_vectors_are_carried():
     assert problem_of(blades(PLANE)).carrying is None
     assert isinstance(problem_of(blades(SPACE)).carrying, Carrying)

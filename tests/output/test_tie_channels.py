@@ -238,7 +238,7 @@ def test_only_what_a_joint_or_a_spring_has_is_a_channel_of_it(channel, words):
 def test_an_angle_about_a_line_without_sections_is_refused():
     text = SPACE.replace("MODEL", "exact").replace("elements: 1}", "elements: 1, element: cable}").replace("4 cm", "5 cm")
     text = text.replace("mount: {type: fixed, between: [hub.rim, arm.root]}", "mount: {type: revolute, between: [hub.rim, arm.root], axis: [1.0, 0.0, 0.0]}")
-    with pytest.raises(DeckError, match=r"mount\.angle: about its axis a line without sections has no angle"):
+    with pytest.raises(DeckError, match=r"mount\.angle: of a line without sections there is no such angle about its axis"):
         build(parse_deck(text.replace("CHANNELS", "mount.angle")))
 
 
@@ -271,3 +271,20 @@ def test_angular_accelerations_of_slopes_that_stretch_are_slopes(words):
     t, found = histories(text, [*pairs, *pairs.values()])
     for value, rate in pairs.items():
         assert_slope(t, found[value], found[rate], rate)
+
+
+def test_the_torque_of_a_motor_is_what_it_exerts_however_its_body_is_tilted():
+    text = """
+hfsim: 1
+gravity: [0.0, 0.0, 0.0]
+bodies: {top: {type: rigid, mass: 1.0, inertia: [0.1, 0.2, 0.3]}}
+joints:
+  ball: {type: spherical, between: [ground, top]}
+  turn: {type: motor, between: [ground, top], torque: 0.5}
+initial: {top: {angular_velocity: [2.0, 0.0, 0.0]}}
+solve: {duration: 1.0}
+output: {interval: 0.1, plots: false, channels: [turn.torque, turn.moment_z, top.quaternion_w]}
+"""
+    values, _ = solved(text)
+    assert values[-1, 2] < 0.6
+    assert values[:, :2] == pytest.approx(0.5, abs=1e-12)

@@ -126,6 +126,13 @@ def test_an_undriven_four_bar_has_one_motion_that_takes_all_along():
         ([HUB], [], "", -9.81, "bodies.hub (line 4): nothing connects 'hub' to the ground"),
         (
             [HUB, ARM],
+            [AXLE.replace("hub", "arm"), "push: {type: motor, between: [ground, hub], force: 3.0}"],
+            "",
+            -9.81,
+            "bodies.hub (line 4): nothing connects 'hub' to the ground",
+        ),
+        (
+            [HUB, ARM],
             [AXLE, MOTOR],
             "initial: {arm: {position: [2.0, 0.0]}}",
             0.0,

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.rotations import dot, wrap
+from hfsim.maths.rotations import wrap
 from hfsim.parts.channels._base import OF_ANGLES, OF_SPINS, ChannelKind, Plot, Samples
-from hfsim.parts.channels._reaction import joint_multipliers, reaction
+from hfsim.parts.channels._reaction import held_effort, joint_multipliers
 
 
 def _value(unit: str) -> Callable[[Samples, str], Array]:
@@ -29,11 +29,12 @@ def _effort(unit: str) -> Callable[[Samples, str], Array]:
     """Return what gives the force, or the torque, of all that a joint or a spring exerts."""
 
     def effort(samples: Samples, name: str) -> Array:
-        if name not in samples.scene.joints:
-            return _sum(samples, [tie.effort(*samples.state) for tie in samples.scene.ties(name)])
-        per_unit = samples.scene.coordinate(name, unit).unit_effort(samples.x)
-        whole, own = (both[unit == "rad"] for both in (reaction(samples, name), per_unit))
-        return np.asarray((dot(whole, own) / dot(own, own))[:, 0])
+        scene = samples.scene
+        parts = [tie.effort(*samples.state) for tie in scene.ties(name) if tie.unit == unit]
+        if name in scene.joints:
+            per_unit = scene.coordinate(name, unit).unit_effort(samples.x)
+            parts += held_effort(samples, name, per_unit, int(unit == "rad"))
+        return _sum(samples, parts)
 
     return effort
 

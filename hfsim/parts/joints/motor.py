@@ -16,6 +16,7 @@ from hfsim.parts.joints._coordinate import coordinate
 class MotorSpec(ActuatorSpec):
     """Turns B against A by a torque about an axis, or pushes it along one by a force; it holds nothing."""
 
+    steadies = False
     measures = (("rad", "torque"), ("m", "force"))
 
     type: Literal["motor"]
