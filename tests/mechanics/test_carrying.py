@@ -89,7 +89,7 @@ def test_what_does_not_move_as_one_is_not_carried(rng):
 
 def test_what_does_not_move_along_the_axis_says_nothing_of_it():
     """Turns about an axis of the ground: shifts along it do not whirl, and rounding is no rate."""
-    scene = blades(SPACE)
+    scene = blades(SPACE, ("elements: 1", "elements: 2"))
     problem, times = problem_of(scene), np.array([2e-5, 4e-5])
     found = problem.carrying.along(scene.q, scene.v, problem.single(0.0, scene.q, scene.v), times)
     assert found.moved == pytest.approx(times[:, None] * scene.v, abs=1e-5)
