@@ -88,14 +88,14 @@ def modes(
     loaded = load_numbered(deck, overrides, talk)
     from hfsim.output.progress import Progress
     from hfsim.output.writers import Provenance
-    from hfsim.scene.measured import without_blind_channels
+    from hfsim.scene.measured import without_refused_channels
     from hfsim.studies.modes import campbell, modes_of
     from hfsim.studies.modes.about import about, seen_from
 
     facts = Provenance.of(loaded, deck, overrides).facts()
     study = Study.claim("modes", to, loaded.deck.name, talk, facts)
     with Progress(f"{loaded.deck.name}, modes", sys.stderr, talk.quiet) as progress:
-        place = about(without_blind_channels(loaded), state, at, progress if at else None)
+        place = about(without_refused_channels(loaded), state, at, progress if at else None)
         if spin_body is not None:
             place = seen_from(place, spin_body)
         if values:

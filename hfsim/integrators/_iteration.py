@@ -127,7 +127,7 @@ class Iteration:
         They do so while everything turns on, where it turns as one.
         """
         _, q, v, h = self._place
-        natural, times, carrying = self.derivative.increments, h * self._table.nodes, self._problem.carrying
+        natural, times, carrying = self.derivative.increments, h * self._table.nodes, self._problem.carrying()
         carried = None if carrying is None else carrying.along(q, v, a0, times)
         at = natural.geometry(q[None])
         v0, a0 = (v, a0) if carried is None else (carried.v, carried.a)

@@ -139,8 +139,9 @@ class Problem:
         (t, q, v) -> the failure that names what is not finite in this state, or None.
     increments : Increments
         Coordinates for Newton corrections.
-    carrying : Carrying or None
-        Rigid motions of everything along which steps are guessed, where increments do not turn themselves.
+    carrying : callable
+        () -> the rigid motions of everything along which steps are guessed, None where increments turn by
+        themselves.
     imbalance : callable or None
         (t, q, v, a) -> the forces (n_batch, n) and joint accelerations (n_batch, n_rows) by which
         accelerations fail the equations of motion.
@@ -182,7 +183,7 @@ class Problem:
     culprit: Callable[[float, Array, Array], SolverFailure | None] = lambda t, q, v: None
     increments: Increments = field(default_factory=PlainIncrements)
     slopes: Slopes | None = None
-    carrying: Carrying | None = None
+    carrying: Callable[[], Carrying | None] = lambda: None
     imbalance: Callable[[Array, Array, Array, Array], tuple[Array, Array]] | None = None
     strains: Strains | None = None
     constant_mass: bool = True

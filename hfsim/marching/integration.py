@@ -187,7 +187,7 @@ def problem_of(scene: Scene) -> Problem:
         culprit=partial(_culprit, scene),
         increments=system.natural or PlainIncrements(),
         slopes=_slopes(scene),
-        carrying=_carrying(scene),
+        carrying=partial(_carrying, scene),
         imbalance=system.imbalance if system.balances else None,
         strains=Strains.of(system),
         constant_mass=not system.charts and not system.variable_mass,
@@ -218,6 +218,10 @@ def _slopes(scene: Scene) -> Slopes | None:
 
 
 def _carrying(scene: Scene) -> Carrying | None:
+    return scene.kept(("carrying",), lambda: _carrying_of(scene))
+
+
+def _carrying_of(scene: Scene) -> Carrying | None:
     """Return rigid motions of everything in space, where bodies bend and matrices are dense."""
     system = scene.system
     if scene.deck.dimension == 2 or system.charts or system.variable_mass:

@@ -166,6 +166,14 @@ class Marker:
         """Return the angular velocity [rad/s], shape (n_batch, n_spin)."""
         return np.asarray((self.spin_jacobian(x) @ u[:, self.columns, None])[..., 0])
 
+    def acceleration(self, x: Array, u: Array, a: Array) -> Array:
+        """Return the acceleration [m/s^2], shape (n_batch, n_dim), at accelerations (n_batch, n_x)."""
+        return self.velocity(x, a) + self.position_bias(x, u)
+
+    def angular_acceleration(self, x: Array, u: Array, a: Array) -> Array:
+        """Return the angular acceleration [rad/s^2], shape (n_batch, n_spin), at such."""
+        return self.spin(x, a) + self.spin_bias(x, u)
+
 
 ROUNDING = 1e-13
 """Entries of shape rows that are zero but for rounding."""

@@ -101,10 +101,10 @@ class Turning:
         return cls(matrix, shift, travel, spin, centre, moving)
 
     @classmethod
-    def units(cls, bodies: Iterable[Body], n_dim: int) -> list[Turning]:
+    def units(cls, bodies: Iterable[Body], n_dim: int, sparse: bool = False) -> list[Turning]:
         """Return shifts of everything along the axes of the ground, then turns about these."""
         twists, each = (np.split(one, [n_dim]) for one in np.eye(freedoms(n_dim))), tuple(bodies)
-        return [cls.of(each, spin, np.zeros(n_dim), velocity=shift) for shift, spin in twists]
+        return [cls.of(each, spin, np.zeros(n_dim), sparse, shift) for shift, spin in twists]
 
     @classmethod
     def held_by_joints(cls, bodies: Sequence[Body], equations: Equations, x: Array) -> Turning | None:

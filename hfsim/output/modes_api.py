@@ -52,13 +52,13 @@ def modes(
     HfsimError
         If the scene cannot be linearised there.
     """
-    from hfsim.scene.measured import without_blind_channels
+    from hfsim.scene.measured import without_refused_channels
     from hfsim.studies.modes import modes_of
     from hfsim.studies.modes.about import about as state_of
 
     real(at=at)
     integral(count=count)
-    loaded = without_blind_channels(load(deck, changes).with_numbers())
+    loaded = without_refused_channels(load(deck, changes).with_numbers())
     return modes_of(state_of(loaded, about, at, progress), count)
 
 
@@ -95,13 +95,13 @@ def campbell(
     ArgumentError
         If no mode or rate is wanted, or one is no number.
     """
-    from hfsim.scene.measured import without_blind_channels
+    from hfsim.scene.measured import without_refused_channels
     from hfsim.studies.modes import campbell as study
     from hfsim.studies.modes.about import about, seen_from
 
     wanted = reals("rates", rates)
     integral(count=count)
-    start = about(without_blind_channels(load(deck, changes).with_numbers()))
+    start = about(without_refused_channels(load(deck, changes).with_numbers()))
     if body is not None:
         start = seen_from(start, body)
     return study(start, wanted, count, progress or nobody)

@@ -161,17 +161,18 @@ class Scene:
 
     def marker(self, point: str, held: bool = False) -> Marker:
         """Return the marker of a point such as ``b1.tip``, or what a joint holds there."""
-        return self._found((point, held), lambda: find_marker(point, self.bodies, self.deck, held))
+        return self.kept((point, held), lambda: find_marker(point, self.bodies, self.deck, held))
 
     def ties(self, name: str) -> tuple[Any, ...]:
         """Return what a joint or a spring exerts on its coordinates."""
-        return self._found(("ties", name), lambda: ties_of(self, name))
+        return self.kept(("ties", name), lambda: ties_of(self, name))
 
     def coordinate(self, name: str, unit: str) -> Any:
         """Return what measures the angle (``rad``) or the distance (``m``) of a joint or a spring."""
-        return self._found((unit, name), lambda: coordinate_of(self, name, unit))
+        return self.kept((unit, name), lambda: coordinate_of(self, name, unit))
 
-    def _found(self, key: tuple[Any, ...], find: Callable[[], _Found]) -> _Found:
+    def kept(self, key: tuple[Any, ...], find: Callable[[], _Found]) -> _Found:
+        """Return what is found under a key, once."""
         known: dict[tuple[Any, ...], _Found] = self._known
         if key not in known:
             known[key] = find()
@@ -179,7 +180,6 @@ class Scene:
 
     @cached_property
     def _known(self) -> dict[tuple[Any, ...], Any]:
-        """What was asked for."""
         return {}
 
 

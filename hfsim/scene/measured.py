@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import wrap
-from hfsim.mechanics.body import Body
 from hfsim.mechanics.markers import Marker
-from hfsim.mechanics.system import System
 from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.channels import ChannelKind, kind_of
 from hfsim.parts.forces import AnySpring
 from hfsim.parts.joints import AnyJoint
 from hfsim.scene.facing import Facings
 from hfsim.scene.full_turns import FullTurns
+from hfsim.scene.gauging import Assembled
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import Deck
 
@@ -26,37 +24,20 @@ if TYPE_CHECKING:
     from hfsim.mechanics.ties import Tie
 
 
-class Assembled(Protocol):
-    """What is asked of an assembled scene."""
-
-    @property
-    def deck(self) -> Deck:
-        """The deck."""
-
-    @property
-    def system(self) -> System:
-        """The system."""
-
-    @property
-    def q(self) -> Array:
-        """State at the start, shape (n,)."""
-
-    @property
-    def start_angles(self) -> Mapping[str, float]:
-        """Angle of each body frame at the start [rad]."""
+class Measured(Assembled, Protocol):
+    """What is asked of a scene besides what an equilibrium needs; see `hfsim.scene.build.Scene`."""
 
     def marker(self, point: str, held: bool = False) -> Marker:
         """Return the marker of a point, or what a joint holds there."""
 
-    @property
-    def bodies(self) -> Mapping[str, Body]:
-        """Bodies by their names."""
+    def ties(self, name: str) -> tuple[Any, ...]:
+        """Return what a joint or a spring exerts on its coordinates."""
 
     def coordinate(self, name: str, unit: str) -> Any:
         """Return what measures the angle or the distance of a joint or a spring, if anything."""
 
 
-def ties_of(scene: Assembled, name: str) -> tuple[Tie, ...]:
+def ties_of(scene: Measured, name: str) -> tuple[Tie, ...]:
     """Return what a joint, or a spring of a name that no joint has, exerts on its coordinates."""
     from hfsim.mechanics.ties import Tie
 
@@ -65,17 +46,17 @@ def ties_of(scene: Assembled, name: str) -> tuple[Tie, ...]:
     return tuple(one for one in every if one.item.split(".")[:2] == own)
 
 
-def coordinate_of(scene: Assembled, name: str, unit: str) -> Tie | None:
+def coordinate_of(scene: Measured, name: str, unit: str) -> Tie | None:
     """Return what measures the angle (``rad``) or the distance (``m``) of a joint or a spring."""
     return _acting(scene, name, unit) or _idle(scene, name, unit)
 
 
-def _acting(scene: Assembled, name: str, unit: str) -> Tie | None:
+def _acting(scene: Measured, name: str, unit: str) -> Tie | None:
     """Return what is exerted on a coordinate, if anything: it counts its turns along a motion."""
-    return next((one for one in ties_of(scene, name) if one.unit == unit and one.measures), None)
+    return next((one for one in scene.ties(name) if one.unit == unit and one.measures), None)
 
 
-def _idle(scene: Assembled, name: str, unit: str) -> Tie | None:
+def _idle(scene: Measured, name: str, unit: str) -> Tie | None:
     """Return what measures a coordinate without acting on it."""
     from hfsim.mechanics.ties import tie_on
 
@@ -93,7 +74,7 @@ def _tied(deck: Deck, name: str) -> AnyJoint | AnySpring:
     return deck.joints[name] if name in deck.joints else deck.springs[name]
 
 
-def refuse_unread(loaded: LoadedDeck, scene: Assembled) -> None:
+def refuse_unread(loaded: LoadedDeck, scene: Measured) -> None:
     """Refuse channels of internal forces where there are no strains, and of angles that have no meaning.
 
     Raises
@@ -110,13 +91,17 @@ def refuse_unread(loaded: LoadedDeck, scene: Assembled) -> None:
             raise loaded.problem(path, message, "take element: cosserat; across the line, name it second")
 
 
-def without_blind_channels(loaded: LoadedDeck) -> LoadedDeck:
+def blind_channels(deck: Deck, rigid: Collection[str]) -> list[str]:
+    """Return the channels of internal forces of some beams, which have no strains where they are rigid."""
+    return [one for one in deck.channels if kind_of(one).of_strains and one.partition(".")[0] in rigid]
+
+
+def without_refused_channels(loaded: LoadedDeck) -> LoadedDeck:
     """Return a deck without the channels that its model refuses as one without strains."""
     deck = loaded.deck
     models = deck.models(deck.solve.model).items()
-    rigid = {name for name, model in models if model in MODELS and not MODELS[model].flexible}
-    blind = (kind_of(one).of_strains and one.partition(".")[0] in rigid for one in deck.channels)
-    kept = tuple(one for one, out in zip(deck.channels, blind, strict=True) if not out)
+    blind = blind_channels(deck, [name for name, one in models if one in MODELS and not MODELS[one].flexible])
+    kept = tuple(one for one in deck.channels if one not in blind)
     output = deck.output.model_copy(update={"channels": kept})
     return replace(loaded, deck=deck.model_copy(update={"output": output}))
 
@@ -130,18 +115,20 @@ def _asked(deck: Deck) -> Iterator[tuple[str, ChannelKind]]:
         yield name, kind if name in of else kind._replace(measured="")
 
 
-def uncounted(scene: Assembled) -> dict[str, Tie]:
+def uncounted(scene: Measured) -> dict[str, Tie]:
     """Return what measures angles that channels ask for and that nothing counts the turns of, by owners."""
     asked = {name for name, kind in _asked(scene.deck) if kind.measured == "rad" and kind.of_turns}
     idle = {name: scene.coordinate(name, "rad") for name in sorted(asked) if not _acting(scene, name, "rad")}
     return {name: tie for name, tie in idle.items() if tie.counter is not None}
 
 
-def start_turns(scene: Assembled) -> dict[str, float]:
+def start_turns(scene: Measured) -> dict[str, float]:
     """Return these angles at the start, with the full turns that the deck states [rad]."""
-    deck, x, turns = scene.deck, scene.system.absolute(scene.q[None]), FullTurns(scene.deck)
-    found = {}
-    for name, tie in uncounted(scene).items():
+    idle, deck, found = uncounted(scene), scene.deck, dict[str, float]()
+    if not idle:
+        return found
+    x, turns = scene.system.absolute(scene.q[None]), FullTurns(deck)
+    for name, tie in idle.items():
         spec = _tied(deck, name)
         measured = float(tie.angle(x)[0])
         near = turns.between(spec.between, getattr(spec, "axis", None), measured, scene.start_angles)

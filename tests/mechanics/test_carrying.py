@@ -54,7 +54,7 @@ def carried(scene, spin, centre, velocity):
     turn = Turning.of(scene.bodies.values(), spin, centre, velocity=velocity)
     x = system.absolute(scene.q[None])
     v, a = (system.reduction.free_rates(one)[0] for one in (turn.rates(x), turn.accelerations(x)))
-    found = problem_of(scene).carrying.along(scene.q, v, a, TIMES)
+    found = problem_of(scene).carrying().along(scene.q, v, a, TIMES)
     ways = [turn.turned(x, t)[0] + t * turn.travel for t in TIMES]
     return found, system.reduction.free(np.array(ways)) - scene.q, turn
 
@@ -83,7 +83,7 @@ def test_what_is_left_turns_along(rng):
 def test_what_does_not_move_as_one_is_not_carried(rng):
     scene = blades(SPACE, *FLYING)
     v, a = rng.normal(size=(2, scene.system.n))
-    found = problem_of(scene).carrying.along(scene.q, v, a, TIMES)
+    found = problem_of(scene).carrying().along(scene.q, v, a, TIMES)
     assert not found.moved.any() and (found.v == v).all() and (found.a == a).all()
 
 
@@ -91,15 +91,15 @@ def test_what_does_not_move_along_the_axis_says_nothing_of_it():
     """Turns about an axis of the ground: shifts along it do not whirl, and rounding is no rate."""
     scene = blades(SPACE, ("elements: 1", "elements: 2"))
     problem, times = problem_of(scene), np.array([2e-5, 4e-5])
-    found = problem.carrying.along(scene.q, scene.v, problem.single(0.0, scene.q, scene.v), times)
+    found = problem.carrying().along(scene.q, scene.v, problem.single(0.0, scene.q, scene.v), times)
     assert found.moved == pytest.approx(times[:, None] * scene.v, abs=1e-5)
 
 
 def test_only_vectors_are_carried():
-    assert problem_of(blades(PLANE)).carrying is None
-    assert isinstance(problem_of(blades(SPACE)).carrying, Carrying)
+    assert problem_of(blades(PLANE)).carrying() is None
+    assert isinstance(problem_of(blades(SPACE)).carrying(), Carrying)
     framed = blades(SPACE, ("duration: 2.0", "coordinates: frame, duration: 2.0"))
-    assert problem_of(framed).carrying is None
+    assert problem_of(framed).carrying() is None
 
 
 @pytest.mark.parametrize(("words", "most"), [(PLANE, 250), (SPACE, 700)])

@@ -11,6 +11,7 @@ import numpy as np
 from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
+from hfsim.maths.matrices import is_sparse
 from hfsim.maths.rotations import wrap
 from hfsim.mechanics.body import Acting, Body
 from hfsim.mechanics.markers import Marker
@@ -93,6 +94,15 @@ class Samples:
         measured = self.scene.marker(body).angle(self.x)
         near = self.turns[body]
         return np.asarray(near + wrap(measured - near))
+
+    @cached_property
+    def rigid_motions(self) -> list[Array]:
+        """Rates (n_times, n_x) of everything: shifts along the axes of the ground, then turns about them."""
+        from hfsim.mechanics.turning import Turning
+
+        bodies = tuple(self.scene.bodies.values())
+        sparse = is_sparse(self.scene.system.equations.constant_mass)
+        return [unit.rates(self.x) for unit in Turning.units(bodies, bodies[0].n_dim, sparse)]
 
     @cached_property
     def _known_forces(self) -> dict[str, Array]:

@@ -14,26 +14,18 @@ from hfsim.maths.arrays import Array
 from hfsim.parts.channels._base import OF_POSITIONS, ChannelKind, Plot, Samples
 
 
-def _units(samples: Samples) -> list[Array]:
-    """Return rates (n_times, n_x) of everything: shifts along axes of the ground, then turns about them."""
-    from hfsim.mechanics.turning import Turning
-
-    bodies = tuple(samples.scene.bodies.values())
-    return [unit.rates(samples.x) for unit in Turning.units(bodies, bodies[0].n_dim)]
-
-
 def _along(samples: Samples, rates: Array, motion: Array) -> Array:
     """Return the momentum of rates in a motion, both (n_times, n_x)."""
     return np.asarray(np.sum(samples.scene.system.equations.momentum(samples.x, rates) * motion, axis=1))
 
 
 def _momentum(motion: int) -> Callable[[Samples, str], Array]:
-    return lambda samples, subject: _along(samples, samples.u, _units(samples)[motion])
+    return lambda samples, subject: _along(samples, samples.u, samples.rigid_motions[motion])
 
 
 def _centre(axis: int) -> Callable[[Samples, str], Array]:
     def place(samples: Samples, subject: str) -> Array:
-        units = _units(samples)
+        units = samples.rigid_motions
         mass = _along(samples, units[0], units[0])
         if len(units) == 3:
             across = units[1] if axis == 0 else -units[0]

@@ -36,9 +36,7 @@ def _angular_velocity(axis: int) -> Callable[[Samples, str], Array]:
 
 def _accelerations(samples: Samples, point: str) -> Array:
     """Return the acceleration of a point [m/s^2], shape (n_times, n_dim)."""
-    marker, (x, u) = samples.scene.marker(point), (samples.x, samples.u)
-    changing = marker.position_jacobian(x) @ samples.solved[0][:, marker.columns, None]
-    return np.asarray(changing[..., 0] + marker.position_bias(x, u))
+    return samples.scene.marker(point).acceleration(samples.x, samples.u, samples.solved[0])
 
 
 def _acceleration(axis: int) -> Callable[[Samples, str], Array]:
@@ -51,9 +49,8 @@ def _acceleration_size(samples: Samples, point: str) -> Array:
 
 def _angular_acceleration(axis: int) -> Callable[[Samples, str], Array]:
     def angular_acceleration(samples: Samples, body: str) -> Array:
-        marker, (x, u) = samples.scene.marker(body), (samples.x, samples.u)
-        changing = marker.spin_jacobian(x) @ samples.solved[0][:, marker.columns, None]
-        return np.asarray(changing[..., 0] + marker.spin_bias(x, u))[:, axis]
+        marker = samples.scene.marker(body)
+        return marker.angular_acceleration(samples.x, samples.u, samples.solved[0])[:, axis]
 
     return angular_acceleration
 

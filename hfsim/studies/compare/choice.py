@@ -15,8 +15,9 @@ from hfsim.errors import DeckError, HfsimError, NoStartError
 from hfsim.integrators import steps_in_absolute_coordinates
 from hfsim.parts.bodies.beam import BeamSpec
 from hfsim.parts.bodies.models import MODELS
-from hfsim.parts.channels import is_judged, kind_of
+from hfsim.parts.channels import is_judged
 from hfsim.scene.loading import LoadedDeck
+from hfsim.scene.measured import blind_channels
 from hfsim.scene.schema import Deck
 from hfsim.simulate import check
 
@@ -110,7 +111,7 @@ def without_blind_channels(load: Load, models: Sequence[str], note: Note) -> tup
         return ()
     deck = load(()).deck
     rigid = [name for name, own in deck.models("").items() if not own]
-    out = [c for c in deck.channels if kind_of(c).of_strains and c.partition(".")[0] in rigid]
+    out = blind_channels(deck, rigid)
     kept = [channel for channel in deck.channels if channel not in out]
     if not out or not kept:
         return ()

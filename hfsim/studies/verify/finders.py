@@ -187,11 +187,11 @@ def _turning(order: Order) -> tuple[Answer, ...]:
 
 def _of_modes(order: Order) -> tuple[Answer, ...]:
     """Find the small motions about a state."""
-    from hfsim.scene.measured import without_blind_channels
+    from hfsim.scene.measured import without_refused_channels
     from hfsim.studies.modes import modes_of
     from hfsim.studies.modes.about import about
 
-    most, loaded = max(one.number for one in order.quantities), without_blind_channels(order.load())
+    most, loaded = max(one.number for one in order.quantities), without_refused_channels(order.load())
     modes = modes_of(about(loaded, str(order.place)), most).modes
     found = {one.number: {"frequency": one.frequency, "damping": one.damping_ratio} for one in modes}
     missing = f"of {most} modes there are {len(found)}"
