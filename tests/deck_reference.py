@@ -26,7 +26,7 @@ HEAD = """# Keys: all that a deck may say
 
 Written by `python tests/deck_reference.py` from the classes that read decks. Every number may be text with a unit
 (`"12 deg"`, `"7 GPa"`) or an expression of parameters (`"${length / 2}"`); where a unit is named, it is that of a bare
-number. `-`: the key must be there; *none*: nothing is there without it.
+number. Names in maps and texts in lists may be patterns (`blade{k=1..4}`). `-`: the key must be there; *none*: nothing is there without it.
 """
 SHARED = {
     **{"orientation": "Orientations", "law": "Laws of time"},

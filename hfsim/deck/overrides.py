@@ -8,7 +8,17 @@ from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from hfsim.deck.reader import Path, dotted, parse
-from hfsim.deck.source import DeckSource, OverrideProblem, Setting, did_you_mean, entry_at, is_text, path_in
+from hfsim.deck.source import (
+    DeckSource,
+    OverrideProblem,
+    Setting,
+    did_you_mean,
+    entry_at,
+    is_copy,
+    is_text,
+    path_in,
+    without_ranges,
+)
 from hfsim.deck.spec import Complaint, OneOf, ReadBy, Spec, at
 from hfsim.deck.units import SI_UNITS
 from hfsim.errors import DeckProblem
@@ -29,6 +39,19 @@ def override(source: DeckSource, overrides: Sequence[str], spec: type[Spec]) -> 
     source.problems.extend(one for one in wrong if one is not None)
 
 
+def of_copies(data: Any, overrides: Sequence[str]) -> list[str]:
+    """Return those overrides that set what only is there once patterns have been copied."""
+    return [one for one in overrides if _names_copy(data, path_in(data, one.partition("=")[0].strip()))]
+
+
+def _names_copy(data: Any, path: Path) -> bool:
+    for depth, step in enumerate(path):
+        known = entry_at(data, path[:depth])
+        if isinstance(known, dict) and step not in known:
+            return any(is_copy(str(step), key) for key in known)
+    return False
+
+
 def _set_entry(source: DeckSource, override: str, spec: type[Spec]) -> OverrideProblem | None:
     """Set one entry of the data; return why it cannot be set."""
     name, equals, value = override.partition("=")
@@ -43,9 +66,14 @@ def _set_entry(source: DeckSource, override: str, spec: type[Spec]) -> OverrideP
     wrong = [reader] if isinstance(reader, DeckProblem) else reader.problems
     if isinstance(reader, DeckProblem) or wrong:
         return OverrideProblem(name, f"'{value}': {wrong[0].message}", wrong[0].hint, file=option)
+    if name.count("{") > name.count("}"):
+        message = "a pattern is named without its range"
+        return OverrideProblem(name, message, "bodies.blade{k}.length=2", file=option)
     if why := why_unset(source.data, name, spec):
         return OverrideProblem(name, why[0], why[1], file=option)
     path = source.path_of(name)
+    if name.count("{") > dotted(path).count("{"):
+        return OverrideProblem(name, "the deck has no such pattern", file=option)
     if reader.data is None and not isinstance(entry_at(source.data, path[:-1]), list):
         return _take_out(source, path, OverrideProblem(name, "", file=option), spec)
     parent: Any = source.data
@@ -82,7 +110,8 @@ def why_unset(data: Any, name: str, spec: type[Spec]) -> tuple[str, str] | None:
     for depth in range(1, len(path)):
         if entry_at(data, path[:depth]) is None and not is_optional_map(spec, path[:depth]):
             known = entry_at(data, path[: depth - 1])
-            hint = did_you_mean(str(path[depth - 1]), known if isinstance(known, dict) else ())
+            names = [without_ranges(key) for key in known] if isinstance(known, dict) else []
+            hint = did_you_mean(str(path[depth - 1]), names)
             return f"there is no {dotted(path[:depth])} in the deck", hint
     parent = entry_at(data, path[:-1])
     if isinstance(parent, list) and not (isinstance(path[-1], int) and path[-1] < len(parent)):

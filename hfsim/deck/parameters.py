@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from graphlib import CycleError, TopologicalSorter
@@ -40,16 +41,6 @@ class _UnknownError(Exception):
     """A parameter has no value, which has been told."""
 
 
-def work_out(source: DeckSource) -> None:
-    """Put numbers in place of all expressions of a deck, and into those of laws; note what is wrong."""
-    values = _Values(source)
-    values.read()
-    for key, value in source.data.items():
-        if key != "parameters":
-            values.fill(source.data, (key,), value)
-    values.refuse_unused()
-
-
 def _no_number(text: str) -> tuple[str, str]:
     """Return what is wrong with text that is no quantity of any kind, and what would be right."""
     message, hint = f"must be a number, not '{text}'", f'a unit, or "${{{text.strip()}}}"'
@@ -66,8 +57,8 @@ def _no_number(text: str) -> tuple[str, str]:
 
 
 @dataclass
-class _Values:
-    """Values of the parameters.
+class Values:
+    """Values of the parameters, and what is worked out with them; what is wrong is noted.
 
     Attributes
     ----------
@@ -75,12 +66,22 @@ class _Values:
         Parameters without a value, which has been told.
     used : set of str
         Names in expressions.
+    kinds : str
+        What names may be of.
     """
 
     source: DeckSource
     known: dict[str, float] = field(default_factory=dict)
     bad: set[str] = field(default_factory=set)
     used: set[str] = field(default_factory=set)
+    kinds: str = "parameter"
+
+    @contextmanager
+    def knowing(self, indices: Mapping[str, float]) -> Iterator[None]:
+        """Know the indices of a copy inside the block."""
+        outside, self.known = self.known, {**self.known, **indices}
+        yield
+        self.known = outside
 
     # Parameters ----------------------------------------------------------------------------------
 
@@ -93,7 +94,7 @@ class _Values:
         stated = stated if isinstance(stated, dict) else {}
         waiting: dict[str, list[str]] = {}
         for name, value in stated.items():
-            if why := _no_name(name):
+            if why := no_name(name):
                 self._refuse(name, *why, on_key=True)
             elif isinstance(value, str) and _OPENING in value:
                 waiting[name] = list(self._needed(value))
@@ -159,8 +160,22 @@ class _Values:
 
     # Entries -------------------------------------------------------------------------------------
 
+    def work_out(self) -> None:
+        """Put numbers in place of all expressions of the deck, and into those of laws."""
+        for key, value in self.source.data.items():
+            if key != "parameters":
+                self.fill(self.source.data, (key,), value)
+        self.refuse_unused()
+
     def fill(self, holder: Any, path: Path, value: Any) -> None:
         """Put numbers in place of the expressions at a path and below it."""
+        if path in self.source.indices:
+            with self.knowing(self.source.indices[path]):
+                self._fill(holder, path, value)
+        else:
+            self._fill(holder, path, value)
+
+    def _fill(self, holder: Any, path: Path, value: Any) -> None:
         if isinstance(value, dict):
             for key, one in value.items():
                 if key == "expression" and isinstance(one, str):
@@ -181,15 +196,20 @@ class _Values:
         if match is None:
             self.source.fail(path, self.source.problem(path, *_askew(text)))
             return None
-        try:
-            tree = self._with_values(_parsed(match[2]))
-            value = evaluated(tree, {})
-        except (ExpressionError, _UnknownError) as error:
-            self._note(path, text, match.end(1), error)
+        value = self.value(path, text, match.span(2))
+        if value is None:
             return None
         if match[3]:
             return f"{value!r} {match[3].strip()}"
         return int(value) if value.is_integer() and abs(value) < _EXACT else value
+
+    def value(self, path: Path, text: str, part: tuple[int, int], on_key: bool = False) -> float | None:
+        """Return the value of the expression in a part of an entry's text, or of its key; None if wrong."""
+        try:
+            return evaluated(self._with_values(_parsed(text[slice(*part)])), {})
+        except (ExpressionError, _UnknownError) as error:
+            self._note(path, text, part[0], error, on_key)
+            return None
 
     def _law(self, path: Path, text: str) -> str:
         """Return the expression of a law with values in place of parameters; the same where it is wrong."""
@@ -220,7 +240,7 @@ class _Values:
             if name.head in self.bad:
                 raise _UnknownError
             if name.head not in self.known and name.head not in others:
-                raise name.wrong(f"there is no parameter '{name.head}'", self._hint(name.head))
+                raise name.wrong(f"there is no {self.kinds} '{name.head}'", self._hint(name.head))
         return bound(tree, self.known)
 
     def _hint(self, name: str) -> str:
@@ -230,12 +250,14 @@ class _Values:
             return "time stands in laws only: {expression: ...}"
         return did_you_mean(name, [*self.known, *self.bad, *CONSTANTS]) if self.known else _DECLARE
 
-    def _note(self, path: Path, text: str, shift: int, error: ExpressionError | _UnknownError) -> None:
+    def _note(
+        self, path: Path, text: str, shift: int, error: ExpressionError | _UnknownError, on_key: bool = False
+    ) -> None:
         """Note what is wrong in an entry's text, at the very piece where that can be seen in the file."""
         if isinstance(error, _UnknownError):
             self.source.fail(path)
             return
-        problem = self.source.problem(path, error.message, error.hint)
+        problem = self.source.problem(path, error.message, error.hint, on_key)
         if not isinstance(problem, OverrideProblem):
             problem = self._placed(problem, text, shift + error.start, error.width)
         self.source.fail(path, problem)
@@ -259,8 +281,8 @@ class _Values:
 _DECLARE = "declare it under parameters"
 
 
-def _no_name(name: str) -> tuple[str, str] | None:
-    """Return why a word cannot be the name of a parameter."""
+def no_name(name: str) -> tuple[str, str] | None:
+    """Return why a word cannot be the name of a parameter or an index."""
     if not _NAME.fullmatch(name):
         return f"'{name}' cannot be a name", "letters, digits and '_', not starting with a digit"
     if name == TIME:
@@ -274,4 +296,5 @@ def _askew(text: str) -> tuple[str, str]:
     """Return what is wrong with a text in which an expression is not the whole, save for a unit."""
     if "}" not in text.partition(_OPENING)[2]:
         return "this '${' is never closed", 'write "${length / 2}"'
-    return "an expression is the whole entry, or all but its unit", 'write "${length / 2}" or "${angle} deg"'
+    hint = 'write "${length / 2}" or "${angle} deg"' + ', in names "blade{k}"' * (text.find(_OPENING) > 0)
+    return "an expression is the whole entry, or all but its unit", hint

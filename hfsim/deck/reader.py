@@ -307,4 +307,6 @@ def _syntax_message(error: yaml.MarkedYAMLError) -> str:
 def _syntax_hint(text: str, line: int) -> str:
     lines = text.splitlines()
     near = lines[max(0, line - 2) : line]
+    if near and re.search(r"\w\{\w", near[-1]):
+        return 'quote names with braces in brackets and lists: "blade{k}.root"'
     return "indent with spaces, not tabs" if any("\t" in one for one in near) else ""

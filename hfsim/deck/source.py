@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import field
 from functools import partial
 from itertools import islice
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 from hfsim.deck.reader import LARGEST, Mark, Path, dotted, parse
 from hfsim.errors import MOST_PROBLEMS, ArgumentError, DeckError, DeckProblem
@@ -25,6 +25,16 @@ _LISTED = 20
 MOST_BYTES = 4 * LARGEST + 4
 """Bytes read of a file: the characters of too large a deck are too many then, whatever their size."""
 _INDEX = re.compile(r"[0-9]{1,9}")
+_RANGE = re.compile(r"\{\s*(\w+)\s*=[^{}]*\}")
+"""Braces with the range of an index."""
+
+
+class _Placed(Protocol):
+    @property
+    def path(self) -> Path: ...
+
+
+_Complaint = TypeVar("_Complaint", bound=_Placed)
 
 
 class Setting(str):
@@ -131,6 +141,10 @@ class DeckSource:
         Paths of entries that could not be worked out, and of lists of such: nothing else is said of them.
     others : dict of str to str
         Texts of other files that belong to the deck, by their names as messages show them.
+    patterns : dict of tuple to str or int
+        Last steps of the paths that copies of patterns stand at in the file, by their own paths.
+    indices : dict of tuple to dict
+        Indices by name of each copy of a pattern, by its path.
     """
 
     file: str
@@ -143,6 +157,8 @@ class DeckSource:
     overridden: dict[Path, str] = field(default_factory=dict)
     failed: set[Path] = field(default_factory=set)
     others: dict[str, str] = field(default_factory=dict, repr=False)
+    patterns: dict[Path, str | int] = field(default_factory=dict, repr=False)
+    indices: dict[Path, dict[str, float]] = field(default_factory=dict, repr=False)
 
     @property
     def texts(self) -> dict[str, str]:
@@ -159,8 +175,24 @@ class DeckSource:
 
     def option_of(self, path: Path) -> str:
         """Return the option that set the entry or something that contains it; empty where none did."""
-        there = (self.overridden.get(path[:depth]) for depth in range(1, len(path) + 1))
+        both = dict.fromkeys((path, self.written(path)))
+        there = (self.overridden.get(one[:depth]) for one in both for depth in range(1, len(path) + 1))
         return next(filter(None, there), "")
+
+    def written(self, path: Path) -> Path:
+        """Return the path at which the file has an entry: inside the pattern for one in a copy."""
+        if not self.patterns:
+            return path
+        return tuple(self.patterns.get(path[: depth + 1], step) for depth, step in enumerate(path))
+
+    def once(self, complaints: Iterable[_Complaint]) -> Iterator[_Complaint]:
+        """Yield complaints; of those at one place of a pattern the first."""
+        told: set[Path] = set()
+        for one in complaints:
+            at = self.written(one.path)
+            if not self.patterns or at not in told:
+                told.add(at)
+                yield one
 
     def mark(self, path: Path, on_key: bool = False) -> Mark | None:
         """Return where an entry stands, or where the nearest entry around it does.
@@ -169,8 +201,10 @@ class DeckSource:
         """
         if self.is_overridden(path):
             return None
+        at = self.written(path)
         for depth in range(len(path), -1, -1):
-            key, value = self.key_marks.get(path[:depth]), self.value_marks.get(path[:depth])
+            both = self.key_marks, self.value_marks
+            key, value = (marks.get(at[:depth]) or marks.get(path[:depth]) for marks in both)
             inline = value is not None and (key is None or (value.line == key.line and value.width > 0))
             if value is not None and inline and not (on_key and key) and depth == len(path):
                 return value
@@ -180,18 +214,29 @@ class DeckSource:
 
     def problem(self, path: Path, message: str, hint: str = "", on_key: bool = False) -> DeckProblem:
         """Return a problem of the entry at a path, or of the value that stands for it, placed in the file."""
-        while len(path) > 1 and not isinstance(entry_at(self.data, path[:-1]), dict | list):
+        while (
+            len(path) > 1
+            and not isinstance(entry_at(self.data, path[:-1]), dict | list)
+            and path not in self.value_marks
+        ):
             path = path[:-1]
+        copies = (self.indices.get(path[:depth], {}) for depth in range(1, len(path) + 1))
+        if which := ", ".join(f"{name} = {value:g}" for one in copies for name, value in one.items()):
+            message += f" (at {which})"
         mark = self.mark(path, on_key)
+        both = zip(path, self.written(path), strict=True)
+        name = dotted(there if isinstance(there, int) else own for own, there in both)
         if self.is_overridden(path) or mark is None:
-            return OverrideProblem(dotted(path), message, hint, file=self.option_of(path))
-        return DeckProblem(dotted(path), message, hint, *mark)
+            return OverrideProblem(name, message, hint, file=self.option_of(path))
+        return DeckProblem(name, message, hint, *mark)
 
     def fail(self, path: Path, problem: DeckProblem | None = None) -> None:
         """Note that an entry could not be worked out, and why if that has not been said."""
-        if problem is not None and len(self.problems) <= MOST_PROBLEMS:
+        at = self.written(path)
+        told = at != path and at in self.failed  # of another copy
+        if problem is not None and not told and len(self.problems) <= MOST_PROBLEMS:
             self.problems.append(problem)
-        self.failed.add(path)
+        self.failed.update((path, at))
         while path and isinstance(path[-1], int):
             path = path[:-1]
             self.failed.add(path)
@@ -269,13 +314,36 @@ def _child(data: Any, step: str | int) -> Any:
 
 
 def path_in(data: Any, name: str) -> Path:
-    """Return the path that a dotted name stands for in plain data; digits count list entries."""
+    """Return the path that a dotted name stands for in plain data; digits count list entries.
+
+    A pattern is named without the range of its index; where there are its copies, it is the first of them.
+    """
     path: Path = ()
     for word in name.split("."):
         step: str | int = int(word) if isinstance(data, list) and _INDEX.fullmatch(word) else word
+        if "{" in word and isinstance(data, dict) and word not in data:
+            meant = [key for key in data if without_ranges(key) == word]
+            step = next(iter(meant or (key for key in data if is_copy(key, word))), word)
         data = _child(data, step)
         path += (step,)
     return path
+
+
+def without_ranges(pattern: str) -> str:
+    """Return a pattern as other entries name it, ``blade{k}``."""
+    return _RANGE.sub(r"{\1}", pattern)
+
+
+def is_copy(name: str, pattern: str) -> bool:
+    """Tell whether a name is that of a copy of a pattern, whatever the range of its index.
+
+    Examples
+    --------
+    >>> is_copy("blade2", "blade{k=1..4}"), is_copy("blade", "blade{k=1..4}")
+    (True, False)
+    """
+    pieces = re.split(r"\{[^{}]*\}", pattern)
+    return len(pieces) > 1 and bool(re.fullmatch("-?[0-9]+".join(map(re.escape, pieces)), name))
 
 
 def entry_at(data: Any, path: Path) -> Any:

@@ -16,7 +16,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from hfsim.deck.overrides import left_empty, override
+from hfsim.deck.overrides import left_empty, of_copies, override
 from hfsim.deck.source import DeckSource, parse_source, read_source
 from hfsim.deck.spec import Complaint, explained
 from hfsim.errors import MOST_PROBLEMS, DeckError
@@ -138,7 +138,8 @@ class LoadedDeck:
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What looks like slips of units, a line each with its place."""
-        slips = (self.source.problem(*slip) for slip in slips_of(self.source.data, self._entries))
+        found = self.source.once(slips_of(self.source.data, self._entries))
+        slips = (self.source.problem(*slip) for slip in found)
         return tuple(slip.headline(self.source.file, "warning") for slip in slips)
 
     def problem(self, path: str, message: str, hint: str = "") -> DeckError:
@@ -182,15 +183,23 @@ def _worked_out(source: DeckSource, overrides: Sequence[str]) -> DeckSource:
         from hfsim.deck.including import include
 
         include(source, Folder(source.file))
-    override(source, overrides, Deck)
+    later = of_copies(source.data, overrides)
+    override(source, [one for one in overrides if one not in later], Deck)
     if source.is_overridden(("include",)):
         source.problems.append(source.problem(("include",), "cannot be set", "state it in the deck"))
     said = {"expressions"} if "parameters" in source.data else set()
     _look_for_more(source.data, said)
-    if "expressions" in said:
-        from hfsim.deck.parameters import work_out
+    if said & {"expressions", "patterns"} or later:
+        from hfsim.deck.parameters import Values
 
-        work_out(source)
+        values = Values(source)
+        values.read()
+        if "patterns" in said:
+            from hfsim.deck.repeating import repeat
+
+            repeat(source, values)
+        override(source, later, Deck)
+        values.work_out()
     if "tables" in said:
         from hfsim.deck.files import Folder
         from hfsim.deck.tables import read_tables
@@ -200,19 +209,21 @@ def _worked_out(source: DeckSource, overrides: Sequence[str]) -> DeckSource:
 
 
 def _look_for_more(data: Any, said: set[str]) -> None:
-    """Note whether there are expressions, or tables in other files, in some data."""
+    """Note whether there are expressions, patterns or tables in other files in some data."""
     if isinstance(data, dict):
         if "expression" in data:
             said.add("expressions")
         if isinstance(data.get("table"), str):
             said.add("tables")
-        for one in data.values():
+        for key, one in data.items():
             _look_for_more(one, said)
+            if "{" in key:
+                said.add("patterns")
     elif isinstance(data, list):
         for one in data:
             _look_for_more(one, said)
-    elif isinstance(data, str) and "${" in data:
-        said.add("expressions")
+    elif isinstance(data, str) and "{" in data:
+        said.add("expressions" if "${" in data else "patterns")
 
 
 def _left_empty(source: DeckSource, key: str) -> bool:
@@ -252,7 +263,7 @@ def _load(source: DeckSource, stem: str) -> LoadedDeck:
         complaints = list(refusals(deck))
     if deck is not None and not complaints:
         complaints = list(_loads_beyond(deck))
-    left = (complaint for complaint in complaints if not source.has_failed(complaint.path))
+    left = (one for one in source.once(complaints) if not source.has_failed(one.path))
     problems = source.problems + [source.problem(*complaint) for complaint in left]
     if problems or deck is None:
         # What follows from a problem at the very same place is left out.

@@ -1,0 +1,158 @@
+"""Entries that stand once in a deck and are there many times: patterns such as ``blade{k=1..n}``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from hfsim.deck.parameters import Values, no_name
+from hfsim.deck.reader import MOST_ENTRIES, Path
+from hfsim.deck.source import DeckSource
+
+MOST_COPIES = 10_000
+"""Copies of a pattern."""
+_BRACES = re.compile(r"(?<!\$)\{([^{}]*)\}")
+_RANGE = re.compile(r"(?<!\$)\{\s*(\w+)\s*=([^{}]*?)\.\.([^{}]*)\}")
+_LEFT = {("name",), ("parameters",), ("verify",), ("sweep", "vary")}
+"""Where braces are none of patterns, or name them."""
+_RANGES = "a range stands in names of entries and in lists"
+
+
+def repeat(source: DeckSource, values: Values) -> None:
+    """Put copies in place of the patterns of a deck, and numbers in place of braces in its names and texts.
+
+    Raises
+    ------
+    DeckError
+        If that cannot be done: what follows from that is not worth telling.
+    """
+    before, values.kinds = len(source.problems), "parameter or index"
+    _Repeating(source, values, len(source.value_marks)).fill(source.data, ())
+    if len(source.problems) > before:
+        raise source.error({(one.path, one.message): one for one in source.problems}.values())
+
+
+@dataclass
+class _Repeating:
+    """Makes the copies.
+
+    Attributes
+    ----------
+    entries : int
+        How many the deck has by now.
+    """
+
+    source: DeckSource
+    values: Values
+    entries: int
+
+    def fill(self, data: Any, path: Path) -> None:
+        """Put copies in place of the patterns in a map or a list, and in those inside."""
+        if isinstance(data, dict):
+            self._fill_map(data, path)
+        elif isinstance(data, list):
+            self._fill_list(data, path)
+        else:
+            return
+        for step, one in data.items() if isinstance(data, dict) else enumerate(data):
+            here = (*path, step)
+            if here in _LEFT:
+                continue
+            with self.values.knowing(self.source.indices.get(here, {})):
+                if isinstance(one, str) and "{" in one and step != "expression":
+                    data[step] = self._plain(here, one)
+                else:
+                    self.fill(one, here)
+
+    def _fill_map(self, data: dict[str, Any], path: Path) -> None:
+        stated = {**data}
+        if not any("{" in key for key in stated):
+            return
+        data.clear()
+        for key, value in stated.items():
+            for name, indices in self._copies((*path, key), key, on_key=True) if "{" in key else ((key, {}),):
+                if name in data or (name != key and name in stated):
+                    self._refuse((*path, key), f"'{name}' is there twice", "give copies other names", True)
+                    continue
+                data[name] = self._copy(value)
+                if name != key:
+                    self.source.patterns[(*path, name)] = key
+                    self.source.indices[(*path, name)] = indices
+
+    def _fill_list(self, data: list[Any], path: Path) -> None:
+        stated = [*data]
+        if not any(isinstance(one, str) and _RANGE.search(one) for one in stated):
+            return
+        data.clear()
+        for index, value in enumerate(stated):
+            here = (*path, len(data))
+            self.source.patterns[here] = index
+            made = isinstance(value, str) and _RANGE.search(value)
+            for one, indices in [*self._copies(here, value)] if made else ((value, {}),):
+                self.source.patterns[(*path, len(data))] = index
+                self.source.indices[(*path, len(data))] = indices
+                data.append(one)
+
+    def _copy(self, value: Any) -> Any:
+        self.entries += 1
+        if isinstance(value, dict):
+            return {key: self._copy(one) for key, one in value.items()}
+        return [self._copy(one) for one in value] if isinstance(value, list) else value
+
+    def _copies(self, path: Path, text: str, on_key: bool = False) -> Iterator[tuple[str, dict[str, float]]]:
+        """Yield the names that a name or an entry of a list stands for, and the indices of each."""
+        match = _RANGE.search(text)
+        if match is None:
+            yield self._plain(path, text, on_key), {}
+            return
+        name = match[1]
+        if why := no_name(name) or self._taken(name):
+            self._refuse(path, *why, on_key)
+            return
+        first, last = (self._whole(path, text, match.span(group), on_key) for group in (2, 3))
+        if first is None or last is None:
+            return
+        count = last - first + 1
+        if not 0 <= count <= MOST_COPIES:
+            many = f"{count} copies are too many, at most {MOST_COPIES}"
+            self._refuse(path, many if count > 0 else f"{first}..{last} runs backwards", "", on_key)
+            return
+        for index in range(first, last + 1):
+            self.entries += 1
+            if self.entries > MOST_ENTRIES:
+                self._refuse(path, f"more than {MOST_ENTRIES} entries in all", "", on_key)
+                raise self.source.error(self.source.problems)
+            with self.values.knowing({name: float(index)}):
+                one = f"{text[: match.start()]}{index}{text[match.end() :]}"
+                for made, more in self._copies(path, one, on_key):
+                    yield made, {name: float(index), **more}
+
+    def _taken(self, name: str) -> tuple[str, str] | None:
+        there = name in self.values.known or name in self.values.bad
+        return (f"'{name}' is a parameter or an index already", "choose another index") if there else None
+
+    def _plain(self, path: Path, text: str, on_key: bool = False) -> str:
+        """Return a text with numbers in place of braces."""
+        found, at = "", 0
+        for match in _BRACES.finditer(text):
+            if "=" in match[1]:
+                self._refuse(path, f"'{match[0]}' is no number: {_RANGES}", '"blade{k=1..4}"', on_key)
+                break
+            number = self._whole(path, text, match.span(1), on_key)
+            if number is None:
+                break
+            found, at = f"{found}{text[at : match.start()]}{number}", match.end()
+        return found + text[at:]
+
+    def _whole(self, path: Path, text: str, part: tuple[int, int], on_key: bool) -> int | None:
+        value = self.values.value(path, text, part, on_key)
+        if value is not None and not value.is_integer():
+            piece = text[slice(*part)].strip()
+            self._refuse(path, f"{piece} must be a whole number, not {value:g}", "", on_key)
+            return None
+        return None if value is None else int(value)
+
+    def _refuse(self, path: Path, message: str, hint: str, on_key: bool) -> None:
+        self.source.fail(path, self.source.problem(path, message, hint, on_key))
