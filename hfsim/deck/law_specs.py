@@ -11,17 +11,15 @@ from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
-import numpy as np
-from annotated_types import MinLen
 from pydantic import Field
 
 from hfsim.deck.fields import Angle, NonNegativeTime, Number, PositiveFrequency, PositiveTime, Time, read_text
 from hfsim.deck.law_spec import LawSpec
-from hfsim.deck.laws import Law, LinearLaw, SineLaw, SpinUpLaw, SplineLaw, StepLaw
+from hfsim.deck.laws import Law, LinearLaw, SineLaw, SpinUpLaw, StepLaw
 from hfsim.deck.reader import Path
 from hfsim.deck.spec import Around, Before, Complaint, OneOf, ReadBy, refusal, refuse_all
+from hfsim.deck.table_spec import TableSpec
 from hfsim.deck.units import UnitError, describe, parse_quantity
-from hfsim.maths.piecewise import Piecewise
 
 if TYPE_CHECKING:
     from hfsim.deck.expression_law import ExpressionLaw
@@ -88,94 +86,6 @@ class ConstantRateSpec(LawSpec):
     def unshifted(self) -> Law:
         """Return the law as if it began at 0."""
         return LinearLaw(self.start, self.rate)
-
-
-_INSIDE = 9
-"""Places in a stretch of a table at which its spline is looked at."""
-_FAR = 1.5
-"""Distance of a spline from the middle of its values, over their range, from which it swings too far."""
-
-
-class TableSpec(LawSpec):
-    """Cubic spline through points (not-a-knot ends), or straight lines from point to point."""
-
-    value_keys = ("values",)
-
-    type: Literal["table"] = "table"
-
-    times: Annotated[tuple[Time, ...], MinLen(2)] = ()
-    """Times of the points, increasing [s]."""
-
-    values: tuple[Number, ...] = ()
-    """Values there [SI of what the law drives]."""
-
-    interpolation: Literal["cubic", "linear"] = "cubic"
-    """Between the points; linear for loads only."""
-
-    table: Annotated[str, ReadBy(read_text, type="string")] | None = None
-    """CSV file in the deck's folder, with a header, that has the points instead."""
-
-    column: Annotated[str, ReadBy(read_text, type="string")] | None = None
-    """Column of its values; the second one without it."""
-
-    time_column: Annotated[str, ReadBy(read_text, type="string")] | None = None
-    """Column of its times [s]; the first one without it."""
-
-    unit: Annotated[str, ReadBy(read_text, type="string")] | None = None
-    """Unit of values that have none of their own; SI without it."""
-
-    start: NonNegativeTime | None = None
-    """Time at which it begins [s]: before, it holds its value at 0; its own times count from there."""
-
-    @property
-    def kink(self) -> str:
-        """Where its rate jumps: from point to point, unless it is a spline."""
-        return super().kink if self.interpolation == "cubic" else " at the points of its table"
-
-    def complaints(self) -> Iterator[Complaint]:
-        """Yield points that make no curve."""
-        for key in ("times", "values"):
-            if key not in self.model_fields_set:
-                yield Complaint((key,), "missing key", "or give a table: a CSV file", True)
-                return
-        if len(self.values) != len(self.times):
-            message = f"{len(self.values)} values for {len(self.times)} times"
-            yield Complaint(("values",), message, "give one value for each time")
-        for index, (before, after) in enumerate(zip(self.times, self.times[1:], strict=False), start=1):
-            if after <= before:
-                yield Complaint(("times", index), f"times must increase, {after:g} follows {before:g}")
-
-    def complaints_in(self, around: Around) -> Iterator[Complaint]:
-        """Yield a table that does not cover the run."""
-        first, last = self.times[0], self.times[-1]
-        if around.duration is not None and (first > 0 or last < around.duration - self.begin):
-            after = f" after its start at {self.begin:g} s" if self.begin else ""
-            needed = f"is needed from 0 to {around.duration:g} s"
-            yield Complaint(("times",), f"covers {first:g} s to {last:g} s{after}, and {needed}")
-
-    def slips_in(self, around: Around) -> Iterator[Complaint]:
-        """Yield points so unevenly apart that the spline swings far beyond them."""
-        yield from super().slips_in(around)
-        if any(self.complaints()) or self.interpolation != "cubic":
-            return
-        times, values = np.array(self.times), np.array(self.values)
-        inside = times[:-1, None] + np.diff(times)[:, None] * np.linspace(0.0, 1.0, _INSIDE)
-        found = np.asarray(self.unshifted().value(inside.ravel()))
-        beyond = np.abs(found - 0.5 * (values.max() + values.min()))
-        worst = int(beyond.argmax())
-        if beyond[worst] > _FAR * np.ptp(values) > 0.0:
-            at = inside.ravel()[worst]
-            message = f"the spline through the points reaches {found[worst]:.3g} at {at:.4g} s"
-            hint = "add points in long stretches, take smooth_step, or interpolation: linear for a load"
-            yield Complaint(("values",), message, hint)
-
-    def unshifted(self) -> Law:
-        """Return the law as if it began at 0."""
-        if self.interpolation == "linear":
-            return SplineLaw(Piecewise.joining(np.array(self.times), np.array(self.values)))
-        from scipy.interpolate import CubicSpline
-
-        return SplineLaw(Piecewise.of(CubicSpline(self.times, self.values)))
 
 
 class SmoothStepSpec(LawSpec):

@@ -93,6 +93,31 @@ class SplineLaw(Law):
 
 
 @dataclass(frozen=True)
+class PeriodicLaw(SplineLaw):
+    """A curve through points, of which the last is the first again, repeated at all times."""
+
+    def breaks(self, order: int, t_end: float = math.inf) -> Array:
+        """Return those of one period, again and again until the end."""
+        once, (first, length) = super().breaks(order), self._period
+        if not math.isfinite(t_end):
+            return once
+        rounds = np.arange(math.floor(-first / length), math.ceil((t_end - first) / length))
+        repeated: Array = once[once < first + length] + length * rounds[:, None]
+        return repeated[(repeated > 0.0) & (repeated < t_end)]
+
+    @property
+    def _period(self) -> tuple[float, float]:
+        """When the points begin, and how long they last."""
+        first, last = self.curve.places[[0, -1]].tolist()
+        return first, last - first
+
+    def _derivative(self, t: Array, order: int) -> Array:
+        first, length = self._period
+        beyond = t - (first + 0.5 * length)  # np.floor is none of the kernel's operations
+        return self.curve(t - length * np.rint(beyond / length), order)
+
+
+@dataclass(frozen=True)
 class StepLaw(Law):
     """From one value to another along 10 x^3 - 15 x^4 + 6 x^5, whose rate and acceleration end at zero."""
 
