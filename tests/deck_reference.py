@@ -101,7 +101,7 @@ def family(schema: dict[str, Any]) -> str:
         return "orientation"
     if len(every) == 1 and "transition" in every[0]["properties"] and "lower" in every[0]["properties"]:
         return "stops"
-    if len(every) == 1 and set(every[0]["properties"]) in ({"torque", "velocity"}, {"force", "velocity"}):
+    if len(every) == 1 and set(every[0]["properties"]) in ({"law", "torque", "velocity"}, {"law", "force", "velocity"}):
         return "friction"
     return "law" if len(every) > 1 and "rate" in str(every) and {"type": "number"} in schema["anyOf"] else ""
 
@@ -125,7 +125,7 @@ def told(schema: dict[str, Any], entries: list[Any], name: str) -> Iterator[str]
 def _of(kind: dict[str, Any]) -> str:
     """Return what friction or stops resist; empty for all else."""
     properties = kind["properties"]
-    rate = properties.get("lower") or (properties.get("velocity") if len(properties) == 2 else None)
+    rate = properties.get("lower") or (properties.get("velocity") if len(properties) == 3 else None)
     return "" if rate is None else "of turns" if "[rad" in rate["description"] else "of shifts"
 
 
@@ -164,6 +164,8 @@ def rows(schema: dict[str, Any], entries: list[Any], skip: Any, inside: str) -> 
 
 def usual(key: str, schema: dict[str, Any], what: str) -> str:
     """Return an example of what no shipped deck has."""
+    if family(schema) == "law" and "never negative" in schema["description"]:
+        return shown({"expression": "min(t, 1)"})
     if "const" in schema or "enum" in schema:
         return shown(schema["const"] if "const" in schema else schema["enum"][-1])
     if key in SPECIAL and what.startswith("text") == isinstance(SPECIAL[key], str):

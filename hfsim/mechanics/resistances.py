@@ -1,4 +1,4 @@
-"""Laws of the forces on one coordinate: of springs, dampers, friction, stops, motors and servos.
+"""Laws of the forces on one coordinate: of springs, dampers, stops, motors and servos.
 
 The coordinate s is a distance [m] or an angle [rad], w its rate; t, s and w have shape (n_batch,), so have
 forces [N or N m] and energies [J].  A force counts as positive where it drives s back, towards less.
@@ -25,8 +25,6 @@ slope there, from which steps end at the point between."""
 SEVERAL, BENT = 20, 0.5
 """Such points of a table from which they may be the noise of what was measured, and the same change of the
 force, over its range, that then is none."""
-SLIDING = 4.0
-"""Rate, in velocities, from which friction is as good as that of sliding: tanh is 0.9993 there."""
 
 
 class Resistance:
@@ -208,39 +206,6 @@ def _sharp_bends(curve: Any) -> tuple[float, ...]:
     if sharp.sum() > SEVERAL:
         sharp &= change * shorter > BENT * np.ptp(curve(places))
     return tuple(places[sharp].tolist())
-
-
-@dataclass(frozen=True)
-class Friction(Resistance):
-    """Coulomb friction, regularised: level tanh(w / velocity).
-
-    At twice the velocity it has 96 % of its level; below, it is a damper, so that what would stick creeps.
-
-    Attributes
-    ----------
-    level : float
-        Force [N] or torque [N m] of sliding.
-    velocity : float
-        In units of w.
-    """
-
-    level: float
-    velocity: float
-    uses_rates: ClassVar[bool] = True
-
-    @property
-    def rate_edges(self) -> tuple[float, ...]:
-        """Where it begins to turn round."""
-        return -SLIDING * self.velocity, SLIDING * self.velocity
-
-    def force(self, t: Array, s: Array, w: Array) -> Array:
-        """Return level tanh(w / velocity)."""
-        return np.asarray(self.level * np.tanh(w / self.velocity))
-
-    def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
-        """Return zero, and level / velocity (1 - tanh^2)."""
-        steep = self.level / self.velocity * (1.0 - np.tanh(w / self.velocity) ** 2)
-        return np.zeros_like(s), np.asarray(steep)
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+
 from hfsim.deck.fields import (
     Angle,
     Dissipation,
@@ -20,11 +22,46 @@ from hfsim.deck.fields import (
     RotationalDissipation,
     degrees_as_radians,
 )
+from hfsim.deck.law_specs import ScaleLaw
+from hfsim.deck.laws import Law
 from hfsim.deck.spec import Around, Complaint, Spec
-from hfsim.mechanics.resistances import Friction, Stop
+from hfsim.mechanics.friction import Friction
+from hfsim.mechanics.resistances import Stop
+
+_TIMES = 2000
+"""Times of a run, and of an oscillation, at which a law is looked at."""
+_ROUNDING = 1e-9
+"""Negative factor, over the largest, that counts as none."""
 
 
-class TurningFrictionSpec(Spec):
+class FrictionSpec(Spec):
+    """Coulomb friction."""
+
+    law: ScaleLaw | None = None
+    """Factor over time, never negative, as of a brake [-]; 1 without it."""
+
+    def complaints_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield a factor that becomes negative, so that friction would drive."""
+        yield from super().complaints_in(around)
+        if self.law is None or around.duration is None:
+            return
+        law, end = self.law.build(), around.duration
+        spans = np.array([end, min(end, law.period(0.0, end, end))])
+        breaks = np.clip(law.breaks(0, end), 0.0, end)
+        times = np.concatenate([np.linspace(0.0, spans, _TIMES).ravel(), breaks])
+        values = law.value(times)
+        if values.min() < -_ROUNDING * np.abs(values).max():
+            worst = int(values.argmin())
+            what = f"is {values[worst]:.3g} at {times[worst]:.4g} s, and friction never drives"
+            yield Complaint(("law",), what, "at least 0 at all times")
+
+    @property
+    def factor(self) -> Law | None:
+        """The law, built."""
+        return self.law.build() if self.law else None
+
+
+class TurningFrictionSpec(FrictionSpec):
     """Coulomb friction of a turn: torque tanh(rate / velocity)."""
 
     torque: PositiveMoment
@@ -35,10 +72,10 @@ class TurningFrictionSpec(Spec):
 
     def build(self) -> Friction:
         """Return the friction."""
-        return Friction(self.torque, self.velocity)
+        return Friction(self.torque, self.velocity, self.factor)
 
 
-class SlidingFrictionSpec(Spec):
+class SlidingFrictionSpec(FrictionSpec):
     """Coulomb friction of a shift: force tanh(rate / velocity)."""
 
     force: PositiveForce
@@ -49,7 +86,7 @@ class SlidingFrictionSpec(Spec):
 
     def build(self) -> Friction:
         """Return the friction."""
-        return Friction(self.force, self.velocity)
+        return Friction(self.force, self.velocity, self.factor)
 
 
 class StopsSpec(Spec):

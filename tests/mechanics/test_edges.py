@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from hfsim.mechanics.edges import Edges
-from hfsim.mechanics.resistances import SLIDING, Friction, LinearSpring, Stop, TableSpring
+from hfsim.mechanics.friction import SLIDING, Friction
+from hfsim.mechanics.resistances import LinearSpring, Stop, TableSpring
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate

@@ -9,7 +9,8 @@ from analytical import jacobian
 
 from hfsim.maths.matrices import assemble
 from hfsim.mechanics.constraints import Shift, Turn
-from hfsim.mechanics.resistances import Friction, LinearSpring, Stop, TableSpring
+from hfsim.mechanics.friction import Friction
+from hfsim.mechanics.resistances import LinearSpring, Stop, TableSpring
 from hfsim.mechanics.spatial_turns import about
 from hfsim.mechanics.ties import DistanceTie, GapTie, tie_on
 
