@@ -230,7 +230,7 @@ def _carrying_of(scene: Scene) -> Carrying | None:
         return None
     from hfsim.mechanics.carrying import Carrying
 
-    return Carrying.of(system, tuple(scene.bodies.values()))
+    return Carrying.of(system, tuple(scene.bodies.values()), system.absolute(scene.q[None])[0])
 
 
 def _recharted(system: System, q: Array, v: Array) -> tuple[Array, Array] | None:

@@ -15,9 +15,10 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
+from hfsim.maths.rank import null_space
 from hfsim.maths.rotations import cross
 from hfsim.mechanics.reduction import Reduction
-from hfsim.mechanics.turning import APART, Turning
+from hfsim.mechanics.turning import Turning, undriven
 
 if TYPE_CHECKING:
     from hfsim.mechanics.body import Body
@@ -64,43 +65,61 @@ class Carried:
 class Carrying:
     """Rigid motions of everything in space, where all coordinates are those of vectors.
 
+    What joints with the ground forbid is none of them: it would strain what they hold.
+
     Attributes
     ----------
     shifts : ndarray, shape (3, n)
         Changes of the free coordinates by shifts along the axes of the ground.
+    ways : ndarray, shape (k, 6)
+        Velocities and spins of the motions that joints with the ground allow, shifts first.
+    straight : int
+        How many of them are shifts.
     mass : ndarray, shape (n, n)
     """
 
     reduction: Reduction
     shifts: Array
+    ways: Array
+    straight: int
     mass: Array
 
     @classmethod
-    def of(cls, system: System, bodies: Sequence[Body]) -> Carrying | None:
-        """Return those of a system with a constant, dense mass; None where others than vectors turn."""
+    def of(cls, system: System, bodies: Sequence[Body], at: Array) -> Carrying | None:
+        """Return those that joints allow at coordinates ``at`` (n_x,): of a constant, dense mass.
+
+        None is returned where they allow no turn, or others than vectors turn.
+        """
         *shifts, first, second, third = Turning.units(bodies, 3)
         x = np.arange(1.0, system.n_x + 1.0)[None]
         for unit, spin in zip((first, second, third), np.eye(3), strict=True):
             if not np.array_equal(unit.rates(x), _turned(spin, x)):
                 return None
+        ways = undriven(bodies, system.equations, at)
+        straight = null_space(ways[:, 3:].T, 1.0).T @ ways
+        if len(straight) == len(ways):
+            return None
+        turns = null_space(straight @ ways.T, 1.0).T @ ways
         rates = np.concatenate([one.rates(x) for one in shifts])
-        return cls(system.reduction, system.reduction.free_rates(rates), system.equations.free_mass)
+        free, mass = system.reduction.free_rates(rates), system.equations.free_mass
+        return cls(system.reduction, free, np.concatenate([straight, turns]), len(straight), mass)
 
     def along(self, q: Array, v: Array, a: Array, times: Array) -> Carried:
         """Carry a state (n,) on as its rates and accelerations say, by times (n_times,) [s].
 
-        Nothing is carried where rigid motion is not nearly all of what moves, or hardly turns.
+        Of the rigid motions that joints with the ground allow, that is the nearest to its rates; nothing is
+        carried where it hardly turns.
         """
         x = self.reduction.expand(q[None])
         turns = [self.reduction.free_rates(_turned(axis, x)) for axis in np.eye(3)]
-        units = np.concatenate([self.shifts, *turns])
+        units = self.ways @ np.concatenate([self.shifts, *turns])
         factors = self._nearest(units, v)
-        as_one = self._square(v - factors @ units) <= APART * self._square(v)
-        far = factors[3:] @ factors[3:] * times[-1] ** 2 > SLIGHT**2
-        factors = np.where(as_one, 1.0, 0.0) * np.where(far, 1.0, 0.0) * factors
-        whole, spin = factors @ units, factors[3:]
+        whole, spin = factors @ units, (factors @ self.ways)[3:]
+        far = spin @ spin * times[-1] ** 2 > SLIGHT**2
+        part = np.where(far, 1.0, 0.0)
+        factors, whole, spin = part * factors, part * whole, part * spin
         square = spin @ spin
-        travel = self._travel(whole, factors[:3], spin, a)
+        travel = self._travel(whole, (factors @ self.ways)[:3], spin, a)
         turn = whole - travel
         bent = self.turned(spin, turn[None])[0]
         square = square + (1e-3 * SLIGHT / times[-1]) ** 2
@@ -122,10 +141,13 @@ class Carrying:
         Along itself it does as all does; across, accelerations tell: of what moves on by m they are w x m
         less than of a turn about where nothing moves now.
         """
-        whirls, missed = self.turned(spin, self.shifts), self.turned(spin, whole[None])[0] - a
-        own = self._nearest(whirls, missed)
-        told = self._square(missed - own @ whirls) <= TOLD * self._square(a)
-        own = np.where(told, 1.0, 0.0) * own
+        own: Array = np.zeros(3)
+        if self.straight:
+            ways = self.ways[: self.straight, :3]
+            whirls, missed = self.turned(spin, ways @ self.shifts), self.turned(spin, whole[None])[0] - a
+            own = self._nearest(whirls, missed)
+            told = self._square(missed - own @ whirls) <= TOLD * self._square(a)
+            own = np.where(told, 1.0, 0.0) * (own @ ways)
         along = (velocity - own) @ spin / (spin @ spin + _TINY)
         return np.asarray((own + along * spin) @ self.shifts)
 
@@ -139,8 +161,9 @@ class Carrying:
         They are shifts or turns along three axes: one that is next to nothing beside the others is none.
         """
         momenta = rows @ self.mass
-        sizes = np.sqrt(np.maximum(np.sum(momenta * rows, axis=1), 0.0)).reshape(-1, 3)
-        sizes = np.maximum(sizes, _FLAT * sizes.max(axis=1, keepdims=True)).ravel() + _TINY**0.5
+        sizes = np.sqrt(np.maximum(np.sum(momenta * rows, axis=1), 0.0))
+        alike = (sizes[: self.straight], sizes[self.straight :])
+        sizes = np.concatenate([np.maximum(one, _FLAT * one.max(initial=0.0)) for one in alike]) + _TINY**0.5
         scaled, unit = momenta / sizes[:, None], rows / sizes[:, None]
         inverse = np.linalg.inv(scaled @ unit.T + _EVEN * np.eye(len(rows)))
         found = inverse @ (scaled @ wanted)

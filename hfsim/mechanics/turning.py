@@ -108,29 +108,11 @@ class Turning:
 
     @classmethod
     def held_by_joints(cls, bodies: Sequence[Body], equations: Equations, x: Array) -> Turning | None:
-        """Return the one rotation of everything, at 1 rad/s, that joints without drivers allow.
+        """Return the one rotation of everything, at 1 rad/s, that joints allow at x (n_x,), without drivers.
 
-        Parameters
-        ----------
-        x : ndarray, shape (n_x,)
-
-        Returns
-        -------
-        Turning or None
-            None where they allow none, or several.
+        None is returned where they allow none, or several.
         """
-        n_dim, reduction = bodies[0].n_dim, equations.reduction
-        rates = np.array([one.rates(x[None])[0] for one in cls.units(bodies, n_dim)])
-        undriven = np.ones(equations.n_rows, dtype=bool)
-        for constraint, rows in zip(equations.constraints, equations.rows, strict=True):
-            undriven[rows] = not constraint.driven
-        gaps = dense(equations.phi.jacobian_at(x[None]))[undriven] @ rates.T
-        missed = (rates - reduction.expand_rates(reduction.free_rates(rates))).T
-        # a straight line that turns about itself does not move
-        _, sizes, moving = np.linalg.svd(rates.T, full_matrices=False)
-        moving = moving[sizes > SINGULAR * sizes[0]]
-        _, sizes, ways = np.linalg.svd(np.concatenate([gaps, missed]) @ moving.T)
-        free = ways[np.count_nonzero(sizes > SINGULAR * max(1.0, sizes.max(initial=0.0))) :] @ moving
+        n_dim, free = bodies[0].n_dim, undriven(bodies, equations, x)
         if len(free) != 1 or not np.linalg.norm(free[0, n_dim:]) > SINGULAR:
             return None
         velocity, spin = np.split(free[0] / np.linalg.norm(free[0, n_dim:]), [n_dim])
@@ -284,6 +266,25 @@ class Turning:
     def along(self, changes: Array, angle: float) -> Array:
         """Return what small changes (n_batch, n_x) of coordinates have become after such a turn."""
         return self.turned(changes, angle) - self.turned(0.0 * changes[:1], angle)
+
+
+def undriven(bodies: Sequence[Body], equations: Equations, x: Array) -> Array:
+    """Return velocities and spins (k, n_freedoms) of rigid motions that joints allow, at x (n_x,).
+
+    Drivers are no hindrance: what they drive may move.
+    """
+    reduction = equations.reduction
+    rates = np.array([one.rates(x[None])[0] for one in Turning.units(bodies, bodies[0].n_dim)])
+    free = np.ones(equations.n_rows, dtype=bool)
+    for constraint, rows in zip(equations.constraints, equations.rows, strict=True):
+        free[rows] = not constraint.driven
+    gaps = dense(equations.phi.jacobian_at(x[None]))[free] @ rates.T
+    missed = (rates - reduction.expand_rates(reduction.free_rates(rates))).T
+    # a straight line that turns about itself does not move
+    _, sizes, moving = np.linalg.svd(rates.T, full_matrices=False)
+    moving = moving[sizes > SINGULAR * sizes[0]]
+    _, sizes, ways = np.linalg.svd(np.concatenate([gaps, missed]) @ moving.T)
+    return np.asarray(ways[np.count_nonzero(sizes > SINGULAR * max(1.0, sizes.max(initial=0.0))) :] @ moving)
 
 
 def _nearest(equations: Equations, x: Array, columns: Array, wanted: Array) -> tuple[Array, float]:
