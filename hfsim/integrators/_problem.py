@@ -56,6 +56,9 @@ class Increments(Protocol):
     ``geometry`` gives what the other maps need of a batch of states; all arrays are (n_batch, n).
     """
 
+    def from_state(self, q: Array) -> Increments:
+        """Return the same for derivatives that are taken in a state (n,)."""
+
     def geometry(self, q: Array) -> Any:
         """Return what belongs to these states."""
 
@@ -87,6 +90,10 @@ class Increments(Protocol):
 @frozen
 class PlainIncrements:
     """The state coordinates themselves."""
+
+    def from_state(self, q: Array) -> PlainIncrements:
+        """Return the same."""
+        return self
 
     def geometry(self, q: Array) -> None:
         """Return nothing."""

@@ -68,7 +68,7 @@ def computed(
     once: bool = False,
 ) -> Derivative:
     """Compute what `derivative` returns, but for where it was taken; or what serves one correction best."""
-    strains = problem.strains
+    strains, natural = problem.strains, natural.from_state(q)
     if strains is None or expected is None:
         slopes = problem.slopes if with_inertia else None
         near = problem.near if slopes is None else slopes.linearized

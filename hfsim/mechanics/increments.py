@@ -240,6 +240,10 @@ class NaturalIncrements:
     def _mounts(self) -> tuple[Mount, ...]:
         return tuple(tie for tie in self.ties if isinstance(tie, Mount))
 
+    def from_state(self, q: Array) -> NaturalIncrements:
+        """Return the same."""
+        return self
+
     def geometry(self, q: Array) -> tuple[Array, list[Any]]:
         """Return what the maps below need of a batch of states (n_batch, n)."""
         x = self.reduction.expand(q)

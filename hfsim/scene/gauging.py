@@ -89,7 +89,7 @@ def gauge_of(scene: Assembled) -> Gauge:
         sizes.append(masses[n_dim:].max() + masses[:n_dim].max() * own**2)
     starts = np.array([body.columns.start for _, body in bodies])
     axes: list[IntArray] = [np.zeros((0, 3), dtype=np.intp)]
-    axes += [one.axes.reshape(-1, 3) for _, body in bodies if (one := body.carried()) is not None]
+    axes += [one.sections.reshape(-1, 3) for _, body in bodies if (one := body.carried()) is not None]
     turning = np.zeros(system.n_x)
     for _, body in bodies:
         columns = _directions(body)
@@ -106,4 +106,4 @@ def _directions(body: Body) -> IntArray:
     if body.angle_column is not None:
         return np.array([[body.angle_column]])
     own = body.carried()
-    return np.zeros((0, 3), dtype=np.intp) if own is None else own.axes.reshape(-1, 3)
+    return np.zeros((0, 3), dtype=np.intp) if own is None else own.sections.reshape(-1, 3)

@@ -187,9 +187,8 @@ class CosseratBeam(VectorBeam):
         """Return the vectors of each node with its section vectors, in space and absolute."""
         if self.framed or self.n_dim == 2:
             return None
-        columns = np.arange(self.columns.start, self.columns.stop)
-        vectors = columns.reshape(-1, 3, 3)
-        return Carried(vectors, vectors[:, 1:])
+        columns = np.arange(self.columns.start, self.columns.stop).reshape(-1, 3)
+        return Carried.by_sections(columns, 3, 1, self.position_columns)
 
     def weight(self, n: int) -> ConstantForce:
         """Return the weight on its nodal vectors."""

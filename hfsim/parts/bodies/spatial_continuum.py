@@ -51,9 +51,7 @@ class SpatialContinuumBeam(SpatialNodalBeam):
         if self.framed:
             return None
         columns = np.arange(self.columns.start, self.columns.stop).reshape(-1, 3)
-        first = np.arange(0, len(columns), self.mesh.element.stride)
-        vectors = columns[first[:, None] + np.arange(4)]
-        return Carried(vectors, vectors[:, 2:])
+        return Carried.by_sections(columns, self.mesh.element.stride, 2, self.position_columns)
 
     def deformed(self, pose: Pose, twist: Twist, seen: Deformation) -> tuple[Array, Array]:
         """Return nodal vectors and rates of the beam whose line moves and whose sections turn as seen.

@@ -78,5 +78,5 @@ class FlatRigidBody(SpatialRigidBody):
 
     def carried(self) -> Carried:
         """Return its axes; its place is that of the centre of mass in ground axes."""
-        axes = np.arange(self.columns.start + 3, self.columns.stop).reshape(1, 2, 3)
-        return Carried(axes, axes)
+        axes = np.arange(self.columns.start + 3, self.columns.stop).reshape(2, 3)
+        return Carried.by_sections(axes, 2, 0, axes[:0])

@@ -9,6 +9,7 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.mechanics.body import Place
+from hfsim.mechanics.carried import Carried
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.spatial_markers import VectorMarker
 from hfsim.parts.bodies.nodal import NodalBeam
@@ -45,4 +46,11 @@ class SpatialNodalBeam(NodalBeam):
         return SpatialFrameChart(self.columns, 1, self.mesh.element.stride) if self.framed else None
 
     def increments(self) -> None:
-        """Return None: its own coordinates serve."""
+        """Return None: it has none of its own."""
+
+    def carried(self) -> Carried | None:
+        """Return its vectors as chords and slopes see them, in the frame of the root none."""
+        if self.framed:
+            return None
+        columns = np.arange(self.columns.start, self.columns.stop).reshape(-1, 3)
+        return Carried.by_directions(columns, self.mesh.element.stride)

@@ -130,5 +130,5 @@ class SpatialRigidBody(VectorBody):
 
     def carried(self) -> Carried:
         """Return its axes; its place is that of the centre of mass in ground axes."""
-        axes = np.arange(self.columns.start + 3, self.columns.stop).reshape(1, 3, 3)
-        return Carried(axes, axes[:, 1:])
+        axes = np.arange(self.columns.start + 3, self.columns.stop).reshape(3, 3)
+        return Carried.by_sections(axes, 3, 1, axes[:0])
