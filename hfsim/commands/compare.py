@@ -36,13 +36,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be compared, and where the results go."""
+    """What is to be compared, where the results go, and the runs that the older comparison there left."""
 
     argument: str
     overrides: tuple[str, ...]
     prepared: Prepared
     study: Study
     folders: dict[str, RunFolder]
+    outdated: Sequence[RunFolder]
 
 
 @click.command()
@@ -134,7 +135,7 @@ def make_plan(
     FolderError
         If a folder must not be written to.
     """
-    from hfsim.output.runfolder import claim, folder_name
+    from hfsim.output.runfolder import claim, folder_name, read_summary
     from hfsim.output.writers import Provenance
     from hfsim.parts.bodies.models import MODELS
     from hfsim.studies.compare import chosen_models, prepare, usual_models
@@ -153,8 +154,11 @@ def make_plan(
     # where the comparison there may be replaced, so may its runs
     force = to.force or bool(own.replaces)
     folders = {model: claim(path / folder_name(model, ""), force) for model in prepared.decks}
+    before = read_summary(path, "compare.json").get("models")
+    ran = set(before) & set(MODELS) if isinstance(before, dict) else ()
+    there = [path / model for model in sorted(ran) if (path / model).is_dir()]
     study = Study("compare", talk, own, to.plots, about, to.format)
-    return Plan(argument, tuple(overrides), prepared, study, folders)
+    return Plan(argument, tuple(overrides), prepared, study, folders, [claim(one, force) for one in there])
 
 
 def do_comparison(
@@ -166,6 +170,8 @@ def do_comparison(
     from hfsim.studies.compare import as_facts, carry_out
 
     plan.study.begin()
+    for run in plan.outdated:
+        run.remove()
     loaded, (max_error, repeats, error_estimate) = plan.prepared.decks[plan.prepared.reference], made
     with (
         workers.executor(loaded.source.texts, timing=True) as executor,

@@ -26,8 +26,9 @@ from hfsim.output.text import printable
 
 SUMMARY = "summary.json"
 _OWN_FILES = ("history.csv", SUMMARY, "resolved.yaml", "run.log", "checkpoint.npz")
+_INNER = ("plots", "vtk")
 _OWN_NAME = re.compile(
-    r"((plots|vtk)/)?[\w+-][\w.+-]*\.(csv|jsonl?|yaml|log|png|svg|pdf|gif|html|npz|pvd|vtu)"
+    rf"(({'|'.join(_INNER)})/)?[\w+-][\w.+-]*\.(csv|jsonl?|yaml|log|png|svg|pdf|gif|html|npz|pvd|vtu)"
 )
 _UNFINISHED = ("failed", "interrupted", "running")
 
@@ -80,6 +81,14 @@ class RunFolder:
             for name in self.stale:
                 if name not in keep:
                     (self.path / name).unlink(missing_ok=True)
+
+    def remove(self) -> None:
+        """Remove the files of the older run, and the folders that are empty then."""
+        self.prepare()
+        for name in (*_INNER, ""):
+            with suppress(OSError):
+                (self.path / name).rmdir()
+        self.release()
 
     def _hold(self) -> None:
         if self._lock is None:

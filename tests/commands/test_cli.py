@@ -18,6 +18,7 @@ import hfsim.output.extras
 
 # what commands import later needs the real deck module, for which the tests put in another
 import hfsim.output.plots
+import hfsim.output.recording
 import hfsim.studies.compare.choice
 import hfsim.studies.compare.measurements
 import hfsim.studies.compare.study
@@ -349,6 +350,18 @@ def test_compare_protects_its_folder_and_refuses_bad_models(scene):
     assert call("compare", "auto", "-o", "new").exit_code == 2
     assert call("compare", "nonsense", "-o", "new").exit_code == 2
     assert (len(scene.calls), Path("new").exists()) == (count, False)
+
+
+def test_compare_leaves_no_run_of_a_model_that_is_compared_no_more(scene):
+    call("compare", "linear", "ancf")
+    assert call("compare", "linear", "--no-plots").exit_code == 2 and Path("case.compare/ancf/plots").exists()
+    Path("case.compare/lowOrder").mkdir()
+    Path("case.compare/linear/notes.txt").write_text("mine")
+    scene.behaviour = {"exact": {"raise": KeyboardInterrupt()}}
+    assert call("compare", "lowOrder", "exact", "--force").exit_code == 130
+    left = {name.split("/")[0] for name in files("case.compare")} - {"compare.json", "compare.csv"}
+    assert left == {"lowOrder", "linear"} and files("case.compare/linear") == {"notes.txt"}
+    assert not Path("case.compare/ancf").exists() and not Path("case.compare/exact").exists()
 
 
 def test_compare_takes_the_shipped_scene_where_no_case_is(scene, monkeypatch, tmp_path):
