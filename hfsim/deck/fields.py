@@ -319,6 +319,14 @@ def _empty_map(value: object) -> object:
 
 EmptyAllowed = Before(_empty_map)
 
+
+class NamesOf:
+    """Marks a map with keys of a meaning: names of another map of the deck, and words."""
+
+    def __init__(self, names: str, *words: str) -> None:
+        self.names, self.words = names, words
+
+
 Points = Annotated[dict[Name, LengthVector], EmptyAllowed]
 
 Orientation = Annotated[Any, entry_of("hfsim.deck.orientation.OrientationSpec")]

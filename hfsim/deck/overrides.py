@@ -7,6 +7,7 @@ from dataclasses import replace
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
+from hfsim.deck.fields import NamesOf
 from hfsim.deck.reader import Path, dotted, parse
 from hfsim.deck.source import (
     DeckSource,
@@ -69,13 +70,15 @@ def _set_entry(source: DeckSource, override: str, spec: type[Spec]) -> OverrideP
     if name.count("{") > name.count("}"):
         message = "a pattern is named without its range"
         return OverrideProblem(name, message, "bodies.blade{k}.length=2", file=option)
-    if why := why_unset(source.data, name, spec):
-        return OverrideProblem(name, why[0], why[1], file=option)
     path = source.path_of(name)
+    goes = reader.data is None and not isinstance(entry_at(source.data, path[:-1]), list)
+    known = goes and _may_stand(source.data, path, spec)
+    if not known and (why := why_unset(source.data, name, spec)):
+        return OverrideProblem(name, why[0], why[1], file=option)
     if name.count("{") > dotted(path).count("{"):
         return OverrideProblem(name, "the deck has no such pattern", file=option)
-    if reader.data is None and not isinstance(entry_at(source.data, path[:-1]), list):
-        return _take_out(source, path, OverrideProblem(name, "", file=option), spec)
+    if goes:
+        return _take_out(source, path, OverrideProblem(name, "", file=option), known)
     parent: Any = source.data
     for depth, step in enumerate(path[:-1], 1):
         if entry_at(source.data, path[:depth]) is None:
@@ -87,18 +90,37 @@ def _set_entry(source: DeckSource, override: str, spec: type[Spec]) -> OverrideP
     return None
 
 
-def _take_out(
-    source: DeckSource, path: Path, place: OverrideProblem, spec: type[Spec]
-) -> OverrideProblem | None:
-    """Take an entry out of the data; return why it cannot be one of the deck."""
+def _take_out(source: DeckSource, path: Path, place: OverrideProblem, known: bool) -> OverrideProblem | None:
+    """Take an entry out of the data, if it is there; return why it cannot be one of the deck."""
     parent = entry_at(source.data, path[:-1]) or {}
-    kinds = [kind for kind in _kinds_at(spec, path[:-1])[0] if get_origin(kind) is not dict]
-    if path[-1] not in parent and not any(path[-1] in _fields_of(kind) for kind in kinds):
+    if path[-1] not in parent and not known:
         why = f"there is no {dotted(path)} in the deck"
         return replace(place, message=why, hint=did_you_mean(str(path[-1]), parent))
     parent.pop(path[-1], None)
     source.overridden[path] = place.file
     return None
+
+
+def _may_stand(data: dict[str, Any], path: Path, spec: type[Spec]) -> bool:
+    """Tell whether decks may have an entry at a path: its keys are known, and names are those of this one."""
+    for depth, key in enumerate(path):
+        around = entry_at(data, path[:depth])
+        if not isinstance(around, dict | None):
+            return False
+        if not (around and key in around) and key not in _keys_at(data, path[:depth], spec):
+            return False
+    return True
+
+
+def _keys_at(data: dict[str, Any], path: Path, spec: type[Spec]) -> set[Any]:
+    """Return the keys with a meaning of what may stand at a path."""
+    kinds = _kinds_at(spec, path, all_fields=True)[0]
+    found = {key for kind in kinds if get_origin(kind) is not dict for key in _fields_of(kind)}
+    info = _field_at(spec, path[0]) if len(path) == 1 else None
+    for mark in info.metadata if info else ():
+        if isinstance(mark, NamesOf):
+            found |= {*mark.words, *(data.get(mark.names) or ())}
+    return found
 
 
 def why_unset(data: Any, name: str, spec: type[Spec]) -> tuple[str, str] | None:
@@ -145,8 +167,11 @@ def left_empty(source: DeckSource, spec: type[Spec]) -> Iterator[Complaint]:
             yield Complaint(path, "is empty", "give it a value, or leave the key out")
 
 
-def _kinds_at(spec: type[Spec], path: Path) -> tuple[list[Any], bool]:
-    """Return the classes of maps that may stand at a path, and whether under a name of the deck's own."""
+def _kinds_at(spec: type[Spec], path: Path, all_fields: bool = False) -> tuple[list[Any], bool]:
+    """Return the classes of maps that may stand at a path, and whether under a name of the deck's own.
+
+    Without all fields, parameters that nothing uses and what studies make of a deck are none.
+    """
     kinds: list[Any] = [spec]
     named = False
     for step in path:
@@ -157,7 +182,7 @@ def _kinds_at(spec: type[Spec], path: Path) -> tuple[list[Any], bool]:
                 inner += _maps_of(get_args(kind)[1])
                 continue
             info = _field_at(kind, step)
-            if info is not None and not info.exclude:  # parameters that nothing uses, what studies make of it
+            if info is not None and (all_fields or not info.exclude):
                 inner += _maps_of(Annotated[info.annotation, None, *info.metadata])
         kinds = inner
     return kinds, named

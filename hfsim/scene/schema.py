@@ -15,6 +15,7 @@ from hfsim.deck.fields import (
     Flag,
     FlagOrCsv,
     Name,
+    NamesOf,
     Points,
     PositiveTime,
     SomeTimes,
@@ -248,7 +249,9 @@ class Deck(Spec):
     loads: Annotated[dict[Name, AnyLoad], EmptyAllowed] = Field(default_factory=dict)
     """Forces and moments from outside."""
 
-    initial: Annotated[dict[Name, AnyInitial], EmptyAllowed] = Field(default_factory=dict)
+    initial: Annotated[
+        dict[Name, AnyInitial], EmptyAllowed, NamesOf("bodies", AT_REST, STEADY)
+    ] = Field(default_factory=dict)
     """Initial motion, by body; equilibrium: true, or a list of bodies, starts these from where they rest;
     steady: a body and its rate starts from steady rotation."""
 

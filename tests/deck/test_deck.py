@@ -588,6 +588,25 @@ def test_null_takes_nothing_out_that_no_deck_has():
     assert told == {f"there is no {one} in the deck" for one in ("initial.stedy", "joints.pni", "solve.stpe")}
 
 
+@pytest.mark.parametrize(
+    "path",
+    [
+        "initial.steady", "initial.equilibrium", "initial.steady.rate", "initial.arm", "initial.arm.angle",
+        "solve.method", "output.snapshots", "joints.pin.stops.stiffness", "verify.grade", "sweep.vary",
+    ],
+)  # fmt: skip
+def test_null_is_harmless_where_there_is_nothing_to_take_out(path):
+    deck = parse_deck(SMALL, overrides=[f"{path}=null"])
+    assert deck.source.data == parse_deck(SMALL).source.data
+
+
+def test_null_is_refused_under_names_and_keys_that_no_deck_has():
+    wrong = ["initial.b3", "initial.b3.angle", "initial.steady.rte", "sweep.vari", "sweep.vary.b1"]
+    with pytest.raises(DeckError) as caught:
+        parse_deck(SMALL, overrides=[f"{path}=null" for path in wrong])
+    assert {one.path for one in caught.value.problems} == set(wrong)
+
+
 def test_a_key_without_a_value_is_refused_but_not_one_of_a_map():
     left = SMALL.replace("solve: {", "solve: {step: , ")
     assert left != SMALL
