@@ -130,13 +130,8 @@ class Linkage:
 
     @cached_property
     def units(self) -> Array:
-        """Unit of each coordinate, (n,): about the size or a radian, by which points move as far."""
-        return np.where(self.turns, 1.0, self._length)
-
-    @cached_property
-    def _length(self) -> float:
-        # a power of two, so that units change no digits
-        return float(2.0 ** np.round(np.log2(self.size)))
+        """Unit of each coordinate, (n,): the size or a radian, by which points move as far."""
+        return np.where(self.turns, 1.0, self.size)
 
     @cached_property
     def scales(self) -> Array:
@@ -144,7 +139,7 @@ class Linkage:
         return np.concatenate([np.zeros(0), *(np.full(c.rows, self._unit_of(c)) for c in self.constraints)])
 
     def _unit_of(self, constraint: Constraint) -> float:
-        return self._length if constraint.unit == "m" else 1.0
+        return self.size if constraint.unit == "m" else 1.0
 
     def gaps(self, x: Array) -> Array:
         """Return what joints miss at the start in places (n_batch, n), in units, shape (n_batch, n_rows)."""

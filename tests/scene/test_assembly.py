@@ -293,6 +293,37 @@ solve: {{duration: 1.0}}
     assert np.abs(found.linkage.slopes_by_rates(found.place) @ rates_of(found) + found.linkage.drift).max() < 1e-12 * size + 1e-12
 
 
+@pytest.mark.parametrize("size", [1e-3, 0.7, 1e3])
+@pytest.mark.parametrize("space", [False, True])
+@pytest.mark.parametrize("stated", ["{}", "{r0: {angle: 0.4}}"])
+def test_start_places_that_nothing_states_have_no_unit_of_length(size, space, stated):
+    """Lengths were counted in powers of two near the size: in millimetres a rod leaned by 0.02 rad more."""
+    turns = [rods(unit, space, stated).place.reshape(4, -1)[:, -1] for unit in (1.0, size)]
+    assert turns[1] == pytest.approx(turns[0], abs=1e-9) and np.ptp(turns[0]) > 1.0
+
+
+def rods(size, space, stated):
+    """Return the start of four rods in a loop that leaves two motions."""
+    z, axis, inertia = (", 0.0", ", axis: [0, 0, 1]", [0.1] * 3) if space else ("", "", 0.1)
+
+    def rod(length):
+        a, b = (f"[{size * length * share}, 0.0{z}]" for share in (-0.3, 0.7))
+        return f"{{type: rigid, mass: 1.0, inertia: {inertia}, points: {{a: {a}, b: {b}}}}}"
+
+    def pin(first, second):
+        return f"{{type: revolute, between: [{first}, {second}]{axis}}}"
+
+    return assembled(parse_deck(f"""hfsim: 1
+ground: {{points: {{end: [{1.4 * size}, {0.3 * size}{z}]}}}}
+gravity: [0.0, 0.0{z}]
+bodies: {{r0: {rod(1.0)}, r1: {rod(0.8)}, r2: {rod(0.9)}, r3: {rod(0.7)}}}
+joints: {{j0: {pin("ground", "r0.a")}, j1: {pin("r0.b", "r1.a")}, j2: {pin("r1.b", "r2.a")},
+  j3: {pin("r2.b", "r3.a")}, j4: {pin("r3.b", "ground.end")}}}
+initial: {stated}
+solve: {{duration: 1.0}}
+"""))
+
+
 def rates_of(found):
     return np.concatenate([np.concatenate(twist) for twist in found.twists.values()])
 
