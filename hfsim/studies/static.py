@@ -212,7 +212,8 @@ def _followed(scene: Scene, wish: Wish) -> tuple[list[_Row], Equilibrium, dict[s
     else:
         rows, state, values = rows[-len(points) :], points[-1].state, points[-1].values
     nothing = np.zeros((0, state.z.shape[1]))
-    free = nothing if path.problem.free is None else path.problem.free
+    loose = points[-1].problem.free if points else None
+    free = nothing if loose is None else loose
     reached = Equilibrium(state, rows[-1].load, values, nothing, free, False, None, path.effort, why, lost)
     told = {kind: [one.load for one in path.crossings if one.kind == kind] for kind in ("limit", "branch")}
     return rows, reached, {"points": len(points), "limits": told["limit"], "branches": told["branch"]}

@@ -740,3 +740,24 @@ def test_what_is_loose_along_a_path_is_told():
     found = hfsim.static(parse_deck(HUNG), path=True).statistics
     assert found["held_by_nothing"] == ["load: turns about hook"]
     assert any("nothing resists: load: turns about hook" in one for one in found["warnings"])
+
+
+ON_ITS_ARM = """hfsim: 1
+gravity: [0.0, 0.0, 0.0]
+bodies:
+  arm: {type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1], points: {axle: [-0.2, 0, 0], tip: [0.2, 0, 0]}}
+  disc: {type: rigid, mass: 1.0, inertia: [0.05, 0.1, 0.1]}
+joints:
+  axle: {type: revolute, between: [ground, arm.axle], axis: [0, 0, 1]}
+  spin: {type: revolute, between: [arm.tip, disc], axis: [1, 0, 0]}
+springs: {coil: {type: rotational, between: [ground, arm.axle], axis: [0, 0, 1], stiffness: 1.0}}
+loads: {push: {type: moment, at: arm, moment: [0.0, 0.0, 2.0]}}
+solve: {duration: 1.0}
+"""
+
+
+def test_what_is_loose_turns_along_a_path():
+    """The disc spins about the arm wherever that is turned to, and only the spring resists: k / J of both."""
+    found = hfsim.static(parse_deck(ON_ITS_ARM), path=True).statistics
+    assert found["smallest_eigenvalue"] == pytest.approx(1.0 / 0.4, rel=1e-8)
+    assert found["held_by_nothing"] == ["disc: turns about spin, axis [1, 0, 0]"]

@@ -8,7 +8,7 @@ leaves this one: there an eigenvalue of the tangent stiffness changes its sign t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -45,8 +45,10 @@ class Point(NamedTuple):
     state : State
     load : float
         Load factor.
+    problem : Problem
+        With the motions that nothing resists here.
     values : ndarray
-        Smallest stiffnesses over masses, ascending [1/s^2].
+        Smallest stiffnesses over masses of the others, ascending [1/s^2].
     along : ndarray, shape (1, n)
         Change of the state along the path ...
     rate : float
@@ -55,6 +57,7 @@ class Point(NamedTuple):
 
     state: State
     load: float
+    problem: Problem
     values: Array
     along: Array
     rate: float
@@ -132,7 +135,7 @@ class Path:
             whole = there.load >= 1.0
             if whole:
                 try:
-                    state = balanced(problem, there.state, Level(1.0), self.effort)
+                    state = balanced(there.problem, there.state, Level(1.0), self.effort)
                     there = self._point(state, 1.0, here)
                 except NotFoundError:
                     whole = False
@@ -152,7 +155,7 @@ class Path:
 
     def _point(self, state: State, load: float, before: Point | None) -> Point:
         """Return a point with the direction of the path there, going on from the one before."""
-        problem = self.problem
+        problem, values = self._loosened(state, load, before)
         try:
             gaps = np.zeros_like(state.multipliers)
             along, _ = problem.tangent(state, load).solved(problem.load(state.z), gaps)
@@ -162,11 +165,23 @@ class Path:
         along, rate = along / length, 1.0 / length
         if before is not None and self._product(along, before.along) + rate * before.rate < 0.0:
             along, rate = -along, -rate
-        return Point(state, load, lowest(problem, state, load)[0], along, rate)
+        return Point(state, load, problem, values, along, rate)
+
+    def _loosened(self, state: State, load: float, before: Point | None) -> tuple[Problem, Array]:
+        """Return the problem with what is loose in a state, and the smallest stiffnesses of all else.
+
+        What is loose turns with the bodies; a motion more that nothing resists is that of a branch.
+        """
+        problem = self.problem if before is None else before.problem
+        if problem.free is None:
+            return problem, lowest(problem, state, load)[0]
+        values, motions = lowest(replace(problem, free=None), state, load)
+        loose = np.flatnonzero(values == 0.0)
+        return replace(problem, free=motions[loose]), np.delete(values, loose[: len(problem.free)])
 
     def _next(self, here: Point, step: float) -> Point:
         """Return the point at the end of a step."""
-        problem, load = self.problem, here.load + step * here.rate
+        problem, load = here.problem, here.load + step * here.rate
         dz = step * here.along
         state = State(here.state.z + dz, here.state.multipliers, problem.expecting(here.state, dz))
         before = np.inf
