@@ -107,11 +107,11 @@ def small_motions(
     free, multipliers = equations.solve(time, x, u, system.force(time, x, u))
     beside = x * (1.0 + _EXACT * random_signs(x.shape))
     force = system.force(time, beside, u) * (1.0 + _EXACT * random_signs(x.shape))
-    free_beside = equations.solve(time, beside, u, force)[0]
+    free_beside, others = equations.solve(time, beside, u, force)
     a, blur = reduction.expand_rates(free), reduction.expand_rates(free_beside - free)
     K, rounding = stiffness(system, time, x, u, a, multipliers), None
     if not system.variable_mass:  # differences are less precise than that
-        rounding = abs(reduction.reduced(stiffness(system, time, beside, u, a, multipliers) - K))
+        rounding = abs(reduction.reduced(stiffness(system, time, beside, u, a, others) - K))
         rounding = rounding + rounding_of_joints(system, x, multipliers)
     D = resistance(system, time, x, u)
     M = equations.mass(x)[0] if system.variable_mass else equations.constant_mass
