@@ -129,6 +129,9 @@ def campbell_text(result: Campbell, place: str) -> str:
         often = "once" if one["order"] == 1 else f"{one['order']} times"
         what = f"excited {often} a revolution" if one["order"] else "no frequency left: critical"
         lines.append(f"  mode {one['mode']} at {one['rate']:.6g} rad/s, {one['frequency']:.6g} Hz: {what}")
+    for one in facts["onsets"]:
+        where = f"at {one['rate']:.6g} rad/s, {one['frequency']:.6g} Hz"
+        lines.append(f"  mode {one['mode']} {where}: unstable {one['grows']}")
     for one in facts["unstable"][:_MOST_TOLD]:
         told = f"by exp({one['growth_rate']:.4g} t)"
         lines.append(f"  unstable: mode {one['mode']} at {one['rate']:.6g} rad/s, {one['kind']}, {told}")

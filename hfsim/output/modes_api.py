@@ -88,7 +88,7 @@ def campbell(
     -------
     Campbell
         ``found.rates``, ``found.frequencies(1)`` [Hz] of a mode at all rates, NaN at those of
-        ``found.unsteady``, and ``found.crossings``.
+        ``found.unsteady``, ``found.crossings``, and ``found.onsets`` of growth.
 
     Raises
     ------

@@ -450,6 +450,48 @@ def test_a_shaft_that_its_inner_damping_makes_unstable_is_followed_through_its_c
             assert 2.0 * np.pi * one.frequency == pytest.approx(one.order * one.rate, rel=2e-3)
 
 
+DAMPED_INSIDE = """hfsim: 1
+gravity: [0, 0]
+ground: {{points: {{px: [1, 0], py: [0, 1]}}}}
+bodies:
+  hub: {{type: rigid, mass: 1.0, inertia: 0.2, points: {{px: [1, 0], py: [0, 1]}}}}
+  plate: {{type: rigid, mass: 2.0, inertia: 0.3}}
+joints: {{axle: {{type: revolute, between: [ground, hub]}}}}
+springs:
+  x: {{type: two_point, between: [hub.px, plate], stiffness: 800.0, damping: {inner}}}
+  y: {{type: two_point, between: [hub.py, plate], stiffness: 800.0, damping: {inner}}}
+  twist: {{type: rotational, between: [hub, plate], stiffness: 4000.0}}
+  air_x: {{type: two_point, between: [ground.px, plate], stiffness: 0.0, damping: {outer}}}
+  air_y: {{type: two_point, between: [ground.py, plate], stiffness: 0.0, damping: {outer}}}
+initial: {{steady: {{body: hub, rate: 5.0}}}}
+solve: {{duration: 1.0}}
+"""
+
+
+@pytest.mark.parametrize("rates", [[0, 10, 25, 60], [60, 10], [-60, 10], [10, 60]], ids=str)
+@pytest.mark.parametrize(("inner", "outer"), [(3.0, 1.5), (1.0, 0.2)])
+def test_damping_that_turns_makes_a_rotor_unstable_from_a_rate_on(inner, outer, rates):
+    """m z'' + (c + d) z' + (k - i c W) z = 0 grows for |W| > (1 + d / c) sqrt(k / m), of 20 rad/s."""
+    found = hfsim.campbell(parse_deck(DAMPED_INSIDE.format(inner=inner, outer=outer)), rates, count=4)
+    (onset,) = found.onsets
+    first = 20.0 * (1.0 + outer / inner)
+    assert abs(onset.rate) == pytest.approx(first, rel=1e-6)
+    assert onset.above is (onset.rate > 0.0) is (min(rates) >= 0.0)
+    assert onset.frequency == pytest.approx((first - 20.0) / (2.0 * np.pi), rel=1e-5)
+    where = f"at {onset.rate:.6g} rad/s, {onset.frequency:.6g} Hz: unstable {onset.facts()['grows']}"
+    assert where in campbell_text(found, "")
+    assert found.facts()["onsets"] == [onset.facts()]
+
+
+def test_growth_that_sets_in_as_a_root_is_located():
+    """A mass on unlike springs that turn with a hub goes away between its frequencies, 20 and 30 rad/s."""
+    text = DAMPED_INSIDE.format(inner=0.0, outer=0.0)
+    text = text.replace("hub.py, plate], stiffness: 800", "hub.py, plate], stiffness: 1800")
+    found = hfsim.campbell(parse_deck(text), [10.0, 24.0, 40.0], count=4)
+    assert [one.rate for one in found.onsets] == pytest.approx([20.0, 30.0], rel=1e-3)
+    assert [one.above for one in found.onsets] == [True, False]
+
+
 def test_crossings_are_where_a_mode_is_excited():
     """From two modes of one frequency no sense is known: what is found between may be none."""
     overhung = WHIRLING.replace("mass: 3.0", "mass: 2.0")

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise, product
 from typing import Any
 
@@ -13,20 +12,14 @@ import numpy as np
 
 from hfsim.errors import ArgumentError
 from hfsim.marching.stop import Progress, nobody
-from hfsim.maths.arrays import Array, BoolArray, ComplexArray
-from hfsim.studies.modes.about import About, ModesError, turning_about, turning_at
+from hfsim.maths.arrays import Array
+from hfsim.studies.modes.about import About, ModesError, turning_about
+from hfsim.studies.modes.following import SPARE, at_rate, followed, mode_between
 from hfsim.studies.modes.found import Mode, Modes, check_count, modes_of
+from hfsim.studies.modes.growth import Onset, onsets
 
 ORDERS = (1, 2, 3)
 """Excitations per revolution whose lines are drawn."""
-_SAME = 1e-6
-"""Difference of frequencies, relative, up to which they are one."""
-_ALIKE = 0.3
-"""Modal assurance from which two shapes may be those of one mode."""
-_NEAR = 0.2
-"""Weight of the difference of frequencies, over their size, beside the assurance."""
-_SPARE = 6
-"""Modes looked at beyond those asked for: some drop out of the slowest."""
 _CLOSE, _TRIES = 1e-6, 6
 """Relative width to which crossings are located; rates tried for one at most."""
 _AT = 1e-2
@@ -78,6 +71,8 @@ class Campbell:
         Minus one from where it goes round the other way, its frequency having gone through zero.
     crossings : tuple of Crossing
         From slow to fast.
+    onsets : tuple of Onset
+        Likewise.
     """
 
     founds: tuple[Modes, ...]
@@ -85,6 +80,7 @@ class Campbell:
     tracks: tuple[tuple[Mode | None, ...], ...]
     senses: tuple[tuple[int, ...], ...]
     crossings: tuple[Crossing, ...]
+    onsets: tuple[Onset, ...] = ()
 
     @property
     def unsteady(self) -> list[float]:
@@ -133,6 +129,7 @@ class Campbell:
             "complete": [found.complete for found in self.founds],
             "unsteady_rates": self.unsteady,
             "crossings": [one.facts() for one in self.crossings],
+            "onsets": [one.facts() for one in self.onsets],
             "unstable": [
                 {"mode": number, "rate": float(rate), "kind": mode.kind, "growth_rate": mode.growth}
                 for number, track in enumerate(self.tracks, 1)
@@ -177,15 +174,16 @@ def campbell(
                 raise
             continue
         walk.append(rate)
-        founds.append(modes_of(state, count + _SPARE))
+        founds.append(modes_of(state, count + SPARE))
         progress((k + 1) / len(wanted))
-    tracks, senses = _followed(founds, count)
+    tracks, senses = followed(founds, count)
     steady = [found.steady for found in founds]
     tracks = tuple(
         tuple(mode if told else None for mode, told in zip(track, steady, strict=True)) for track in tracks
     )
     every = Campbell(tuple(founds), np.array(walk, dtype=float), tracks, senses, ())
-    return replace(every.at(rates), crossings=tuple(_crossings(every, start)))
+    crossed, grown = _crossings(every, start), onsets(every.rates, tracks, start)
+    return replace(every.at(rates), crossings=tuple(crossed), onsets=tuple(grown))
 
 
 def _walk(rates: Sequence[float]) -> list[float]:
@@ -195,77 +193,6 @@ def _walk(rates: Sequence[float]) -> list[float]:
         found += [_PARTED * before] * (rate == 0.0 != before) + [_PARTED * rate] * (before == 0.0 != rate)
         found.append(rate)
     return found
-
-
-def at_rate(near: About, start: About, rate: float) -> About:
-    """Return the steady rotation at a rate, sought from another one; at none, the equilibrium next to it."""
-    seen = replace(near, motions=replace(near.motions, turning=start.turning))
-    return turning_at(seen, rate)
-
-
-def _followed(founds: Sequence[Modes], count: int) -> tuple[Any, Any]:
-    """Return each mode of the first rate, and its sense, at all rates."""
-    from scipy.optimize import linear_sum_assignment
-
-    tracks: list[list[Mode | None]] = [[mode] for mode in founds[0].modes[:count] if mode.kind != "decay"]
-    senses = [[1] for _ in tracks]
-    last, every = [track[0] for track in tracks], all(len(one.modes) < count + _SPARE for one in founds)
-    for found in founds[1:]:
-        here = [mode for mode in found.modes if mode.kind != "decay"]
-        unlike, turned = _unlike(found, [mode for mode in last if mode is not None], here)
-        chosen = dict(zip(*(one.tolist() for one in linear_sum_assignment(unlike)), strict=True))
-        for k, track in enumerate(tracks):
-            j = chosen.get(k)
-            # where all that a scene has is known, before and after, nothing can have come or gone
-            same = j is not None and (unlike[k, j] < 1.0 - _ALIKE or (every and len(here) == len(last)))
-            track.append(here[j] if j is not None and same else None)
-            senses[k].append(senses[k][-1] * (-1 if j is not None and same and turned[k, j] else 1))
-            last[k] = track[-1] or last[k]
-    return tuple(map(tuple, tracks)), tuple(map(tuple, senses))
-
-
-def _unlike(found: Modes, before: Sequence[Mode], after: Sequence[Mode]) -> tuple[Array, BoolArray]:
-    """Return how unlike modes are, (n_before, n_after), in shape and a little in frequency.
-
-    Then whether they are alike the other way round.
-    """
-    momentum = partial(found.about.scene.system.equations.momentum, found.about.motions.x[None])
-
-    def weighed(shapes: ComplexArray) -> ComplexArray:
-        return np.asarray(momentum(shapes.real) + 1j * momentum(shapes.imag))
-
-    one, other = (np.array([mode.natural_frequency for mode in modes]) for modes in (before, after))
-    (a, alike), (b, others) = (_shapes(modes, w, weighed) for modes, w in ((before, one), (after, other)))
-    assured = (np.abs(way @ weighed(b).T) ** 2 for way in (a.conj(), a))
-    same, turned = (np.minimum(alike @ way @ others, 1.0) for way in assured)
-    # of changes the squares, over one size for all modes of a shape: they keep their order, also through zero
-    either = np.maximum(same, turned)
-    size = either @ other + either @ (either.T @ one) / either.sum(axis=1) + np.finfo(float).tiny
-    apart, through = (
-        np.minimum((other + sign * one[:, None]) / size[:, None], 1.0) ** 2 for sign in (-1.0, 1.0)
-    )
-    # the other way round it has gone through zero
-    plain, other_way = (1.0 - way + _NEAR * change for way, change in ((same, apart), (turned, through)))
-    way = (other_way < plain) & np.array([mode.kind in ("vibration", "flutter") for mode in after])
-    return np.where(way, other_way, plain), way
-
-
-def _shapes(
-    modes: Sequence[Mode], frequencies: Array, weighed: Callable[[ComplexArray], ComplexArray]
-) -> tuple[ComplexArray, Array]:
-    """Return shapes (n, n_x) of unit size, and which modes (n, n) are of one frequency.
-
-    Of these any mixture is a mode as well: their shapes are made orthogonal, so that assurances add up.
-    """
-    shapes = np.array([mode.change for mode in modes])
-    apart = np.abs(frequencies[:, None] - frequencies)
-    one = np.where(apart <= _SAME * np.maximum(frequencies[:, None], frequencies), 1.0, 0.0)
-    for k in range(len(shapes)):
-        own, before = shapes[k : k + 1], one[k, :k, None] * shapes[:k]
-        for _ in range(2):  # again, for what rounding leaves where they are nearly alike
-            own -= (weighed(own) @ before.conj().T) @ before
-            own /= np.sqrt((own.conj() @ weighed(own).T).real + np.finfo(float).tiny)
-    return shapes, one
 
 
 # --- crossings --------------------------------------------------------------------------------------
@@ -317,15 +244,12 @@ def _located(every: Campbell, start: About, number: int, order: int, k: int) -> 
         a, b = values
         between = (_powered(low, power) * b - _powered(high, power) * a) / (b - a)
         before, rate = rate, _powered(between, 1.0 / power)
-        state = at_rate(near, start, rate)
         most = max(abs(mode.value) for _, mode, _, _ in ends) if turns else np.inf
-        every_one = modes_of(state, len(every.tracks) + _SPARE).modes
-        modes = [one for one in every_one if one.kind != "decay" and abs(one.value) <= most]
-        if not modes:
+        state = at_rate(near, start, rate)
+        found = mode_between(state, rate, ((low, first), (high, last)), len(every.tracks), most)
+        if found is None:
             break
-        unlike, turned = _unlike(Modes(state, tuple(modes), None, False), [first, last], modes)
-        j = int(np.argmin([high - rate, rate - low] @ unlike))  # squares of changes: what lies between them
-        mode, sense = modes[j], own * (-1 if turned[0, j] else 1)
+        mode, sense = found[0], own * (-1 if found[1] else 1)
         here, frequency = _beyond(mode, order, rate, sense), mode.frequency
         if abs(rate - before) <= _CLOSE * abs(rate) or not here or not mode.value:
             break
