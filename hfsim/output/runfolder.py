@@ -218,7 +218,7 @@ def claim(path: Path, force: bool, marker: str = SUMMARY) -> RunFolder:
     path : Path
         Folder wanted.
     force : bool
-        Allow the results of a finished run to be replaced.
+        Allow the results of a finished run to be replaced, and those of any study.
     marker : str
         File whose presence means that a run there is whole.
 
@@ -249,7 +249,9 @@ def claim(path: Path, force: bool, marker: str = SUMMARY) -> RunFolder:
             f"{path} already holds {holds}; use --force to replace it, or -o DIR to go elsewhere"
         )
     own = (name for name in present if name in _OWN_FILES)  # listed or not
-    listed = dict.fromkeys([*_listed_files(summary, marker), *own])
+    others = {one: _listed_files(read_summary(path, one)) for one in (_studies(path) if force else ())}
+    theirs = (name for one, names in others.items() if one in names for name in names)
+    listed = dict.fromkeys([marker, *_listed_files(summary), *theirs, *own])
     stale = tuple(name for name in listed if os.path.lexists(path / name))
     return RunFolder(path, replaces=f"a run with status {status}", stale=stale)
 
@@ -257,8 +259,13 @@ def claim(path: Path, force: bool, marker: str = SUMMARY) -> RunFolder:
 def _present(path: Path, marker: str) -> list[str]:
     """Return the results of a run or of a study in a folder; those of other studies tell who wrote them."""
     names = (*_OWN_FILES, marker.replace(".json", ".csv"), marker)
-    studies = (file for file in sorted(path.glob("*.json")) if read_summary(path, file.name).get("versions"))
-    return [name for name in names if os.path.lexists(path / name)] or [file.name for file in studies]
+    return [name for name in names if os.path.lexists(path / name)] or _studies(path)
+
+
+def _studies(path: Path) -> list[str]:
+    """Return the files in a folder that tell of a run or a study, of whatever kind."""
+    every = sorted(file.name for file in path.glob("*.json"))
+    return [name for name in every if read_summary(path, name).get("versions")]
 
 
 def refuse_unwritable(path: Path) -> None:
@@ -281,8 +288,8 @@ def read_summary(path: Path, name: str = SUMMARY) -> dict[str, Any]:
     return summary if isinstance(summary, dict) else {}
 
 
-def _listed_files(summary: dict[str, Any], marker: str) -> Iterable[str]:
+def _listed_files(summary: dict[str, Any]) -> list[str]:
     # the list comes from a file anybody may have edited: only plain names of our own kinds count
     listed = summary.get("files")
     names = [name for name in listed if isinstance(name, str)] if isinstance(listed, list) else []
-    return dict.fromkeys([marker, *filter(_OWN_NAME.fullmatch, names)])
+    return [*filter(_OWN_NAME.fullmatch, names)]

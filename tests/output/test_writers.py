@@ -177,6 +177,17 @@ def test_results_of_any_study_are_protected_from_a_run(tmp_path):
     assert claim(tmp_path, force=True, marker="race.json").stale == ("race.json",)
 
 
+def test_force_replaces_results_of_any_kind_whole(tmp_path):
+    save(tmp_path, make_run([1.0, 2.0]), plots=True)
+    drawn = {f"plots/{one.name}" for one in (tmp_path / "plots").iterdir()}
+    (tmp_path / "data.json").write_text(json.dumps({"versions": {}, "files": ["data.json"]}))
+    (tmp_path / "mine.json").write_text(json.dumps({"versions": {"x": 1}, "files": ["history.csv"]}))
+    stale = set(claim(tmp_path, force=True, marker="race.json").stale)
+    assert drawn and stale == {"history.csv", "summary.json", "resolved.yaml", "run.log", *drawn}
+    (tmp_path / "race.json").write_text(json.dumps({"versions": {"x": 1}, "files": ["race.json"]}))
+    assert set(claim(tmp_path, force=True).stale) == {*stale, "race.json"}
+
+
 def test_an_edited_summary_cannot_make_force_remove_other_files(tmp_path):
     victim = tmp_path / "precious.csv"
     victim.write_text("keep")
