@@ -51,7 +51,8 @@ _MANY = 100_000
     "--collect",
     multiple=True,
     metavar="QUANTITY",
-    help="What is gathered: final, max, min or rms(CHANNEL), at(TIME, CHANNEL), frequency, "
+    help="What is gathered: final, max, min, mean or rms(CHANNEL), of a part of the run (CHANNEL, "
+    "FROM..TO), at(TIME, CHANNEL), frequency, "
     "damping or critical(NUMBER); last values and extremes of all channels without it. "
     "Several may follow.",
 )

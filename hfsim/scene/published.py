@@ -25,8 +25,8 @@ class RowSpec(Spec):
     """One published value."""
 
     quantity: Annotated[Quantity, ReadBy(quantity_of, type="string")]
-    """What is published: final(CHANNEL), at(TIME, CHANNEL), max, min or rms(CHANNEL), frequency(NUMBER) [Hz],
-    damping(NUMBER), critical(NUMBER)."""
+    """What is published: final(CHANNEL), at(TIME, CHANNEL), max, min, mean or rms(CHANNEL) or (CHANNEL,
+    FROM..TO), frequency(NUMBER) [Hz], damping(NUMBER), critical(NUMBER)."""
 
     published: Annotated[float, measures()]
     """Its value, in the SI unit of the quantity."""

@@ -44,7 +44,7 @@ class QuantityChecks:
             yield from self._names.channel_complaint(path, quantity.channel)
 
     def too_late(self, path: Path, quantity: Quantity) -> Iterator[Complaint]:
-        """Yield that a quantity is of a time after the end of the run."""
+        """Yield that a quantity is of times after the end of the run."""
         solve = self._solve
-        if solve is not None and quantity.time is not None and quantity.time > solve.duration:
-            yield Complaint(path, f"{quantity.time:g} s is after the end of the run, {solve.duration:g} s")
+        if solve is not None and (why := quantity.beyond(solve.duration)):
+            yield Complaint(path, why)

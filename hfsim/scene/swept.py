@@ -61,8 +61,8 @@ class SweepSpec(Spec):
     """CSV file beside the deck that has the runs: paths in its first row."""
 
     collect: tuple[Annotated[Quantity, ReadBy(quantity_of, type="string")], ...] = ()
-    """What is gathered: final(CHANNEL), at(TIME, CHANNEL), max, min or rms(CHANNEL), frequency, damping
-    or critical(NUMBER)."""
+    """What is gathered: final(CHANNEL), at(TIME, CHANNEL), max, min, mean or rms(CHANNEL) or (CHANNEL,
+    FROM..TO), frequency, damping or critical(NUMBER)."""
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield what says twice which runs there are, and random values without their number."""

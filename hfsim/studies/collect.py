@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from hfsim.deck.quantities import Quantity
+from hfsim.deck.quantities import ALONG, Quantity
 from hfsim.errors import HfsimError
 from hfsim.integrators import Trajectory
 from hfsim.marching.between import ROUNDING
@@ -68,22 +68,24 @@ class Collector:
     def __init__(self, quantities: Iterable[Quantity]) -> None:
         self._quantities = tuple(quantities)
         self._at = dict[Quantity, float]()
-        self._along: _Along | None = None
+        self._along: dict[tuple[float, float] | None, _Along] | None = None
 
     def take(self, scene: Scene, steps: Trajectory, angles: Mapping[str, float]) -> None:
         """Take the next steps; `angles` are those of the bodies where they begin [rad]."""
         own = [one for one in self._quantities if one.channel in scene.deck.channels]
         if self._along is None:
-            self._along = _Along([one for one in own if one.kind in ("rms", *_SIGNS)])
+            along = [one for one in own if one.kind in ALONG]
+            windows = dict.fromkeys(one.window for one in along)
+            self._along = {some: _Along([one for one in along if one.window == some]) for some in windows}
         count = _MORE + max((len(one.series) for one in steps.segments), default=0)
-        room = _room(scene, count, self._along.names)
+        room = _room(scene, count, channels_of(own))
         for stretch in _stretches(steps, room):
             reading = _Reading(scene, stretch, angles)
             for one in own:
                 if one.time is not None and stretch.t_start <= one.time <= stretch.t_end:
                     self._at[one] = float(reading.at(np.array([one.time]), [one.channel])[0, 0])
-            if self._along.names:
-                self._along.follow(reading, count, room)
+            for window, part in self._along.items():
+                part.follow(reading, count, room, window or (-np.inf, np.inf))
             angles = reading.angles_after()
 
     def value(self, quantity: Quantity, run: Run) -> float:
@@ -104,9 +106,12 @@ class Collector:
             return float(values[-1])
         if quantity.time is not None:
             return self._at_time(quantity, run, quantity.time)
-        if self._along is None or not self._along.time:
+        if quantity.beyond(run.end_time * (1.0 + _SAME)):
+            raise CollectError(f"{quantity}: the run ends at t = {run.end_time:.6g} s")
+        along = (self._along or {}).get(quantity.window)
+        if along is None or not along.time:
             raise CollectError(f"{quantity}: no step was made")
-        return self._along.value(quantity)
+        return along.value(quantity)
 
     def _at_time(self, quantity: Quantity, run: Run, time: float) -> float:
         """Return the value at a time: a row's, else what the steps had there."""
@@ -119,7 +124,7 @@ class Collector:
 
 
 class _Along:
-    """Channels along the steps so far: their ranges, extremes and integrals of squares."""
+    """Channels along the steps so far, or a window of time: their ranges, extremes and integrals."""
 
     def __init__(self, quantities: Sequence[Quantity]) -> None:
         self.names = channels_of(quantities)
@@ -129,19 +134,23 @@ class _Along:
         self._most = np.full(len(self._extremes), -np.inf)
         """Extremes, smallest ones upside down."""
         self._range = np.array([[np.inf], [-np.inf]]) * np.ones(len(self.names))
-        self._squares, self.time = np.zeros(len(self.names)), 0.0
+        self._sums, self._squares = np.zeros((2, len(self.names)))
+        self.time = 0.0
 
     def value(self, quantity: Quantity) -> float:
-        """Return an extreme, or the root of a mean square."""
+        """Return an extreme, a mean, or the root of a mean square."""
         if quantity.kind in _SIGNS:
             found = self._signs * self._most
             return float(found[self._extremes.index(quantity)])
-        return float(np.sqrt(self._squares[self.names.index(quantity.channel)] / self.time))
+        k = self.names.index(quantity.channel)
+        if quantity.kind == "mean":
+            return float(self._sums[k] / self.time)
+        return float(np.sqrt(self._squares[k] / self.time))
 
-    def follow(self, reading: _Reading, count: int, room: int) -> None:
+    def follow(self, reading: _Reading, count: int, room: int, window: tuple[float, float]) -> None:
         """Follow the channels along steps, with `count` places in each piece, `room` pieces at a time."""
-        ends = reading.steps.step_ends()
-        waiting = [(ends[:-1], np.diff(ends), _HALVINGS)]
+        ends = np.unique(np.clip(reading.steps.step_ends(), *window))
+        waiting = [(ends[:-1], np.diff(ends), _HALVINGS)] if len(ends) > 1 else []
         while waiting:
             begin, length, left = waiting.pop()
             if len(begin) > room:
@@ -165,6 +174,7 @@ class _Along:
         again = self._unclear(missed, self._known(values, count // 2), high) & (not last)
         norms = 1.0 / (2.0 * np.arange(count) + 1.0)
         self.time += float(length[~again].sum())
+        self._sums += length[~again] @ series[~again, 0]
         self._squares += np.einsum("p,k,pkc->c", length[~again], norms, series[~again] ** 2)
         piece, which = np.nonzero(high & ~again[:, None])
         tops = begin[piece] + length[piece] * _tops(curves[piece, :, which])

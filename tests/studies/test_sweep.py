@@ -292,6 +292,7 @@ def test_runs_that_end_at_other_times_have_what_they_reach(wheel):
         (("--vary", f"{STIFF}=1,2", "--collect", "peak(hub.angle)"), "there is no quantity 'peak'"),
         (("--vary", f"{STIFF}=1,2", "--collect", "max(hub.angel)"), "angel"),
         (("--vary", f"{STIFF}=1,2", "--collect", "at(0.6, hub.angle)"), "ends at 0.5 s"),
+        (("--vary", f"{STIFF}=1,2", "--collect", "max(hub.angle, 0.2..0.6)"), "nothing at 0.6 s"),
         (("--vary", f"{STIFF}=1,2", "--collect", "frequency(0)"), "counts from 1"),
         (("--vary", f"{STIFF}=lin(1,2,1001)", "--vary", "bodies.hub.mass=lin(1,2,1000)"), "say --yes"),
         ((*(f"--vary={a}=lin(1,2,9000)" for a in (STIFF, "bodies.hub.mass")), "--yes"), "at most"),

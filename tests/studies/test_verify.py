@@ -70,7 +70,7 @@ def command(*words):
 WRITTEN = [form.replace("NUMBER", "3").replace("TIME", "2.5") for form, _ in FORMS.values()]
 
 
-@pytest.mark.parametrize("text", WRITTEN)
+@pytest.mark.parametrize("text", [*WRITTEN, "max(CHANNEL, 0.5..2)", "rms(CHANNEL, 1..)"])
 def test_quantities_come_back_as_they_are_written(text):
     assert str(read_quantity(f" {text.replace('(', '( ')} ")) == text
 
@@ -78,7 +78,9 @@ def test_quantities_come_back_as_they_are_written(text):
 @pytest.mark.parametrize(
     "text",
     ["final", "final()", "final(a, b)", "at(a.x)", "at(2 m, a.x)", "at(-1 s, a.x)", "at(nan, a.x)",
-     "mean(a.x)", "frequency(0)", "damping(x)", "damping(1.5)", "max(max(a.x))", "3 * max(a.x)"],
+     "sum(a.x)", "max(a.x, 1)", "max(a.x, 1..x)", "max(a.x, 2..1)", "max(a.x, 1..1)", "max(a.x, ..1)",
+     "max(a.x, 1..5 ms)", "final(a.x, 1..2)", "at(1..2, a.x)", "max(, 1..2)",
+     "frequency(0)", "damping(x)", "damping(1.5)", "max(max(a.x))", "3 * max(a.x)"],
 )  # fmt: skip
 def test_what_is_no_quantity_is_refused(text):
     with pytest.raises(QuantityError):
@@ -93,6 +95,43 @@ SWING = {
     "min(mass.x)": -0.5,
     "rms(mass.x)": np.sqrt(0.125 * (1.0 + np.sin(15.0) / 15.0)),
 }
+
+# between times that are no ends of steps, one after another, one inside the other, up to the end
+WINDOWS = {
+    "max(mass.x, 500 ms..1.5 s)": 0.5 * np.cos(1.5),
+    "min(mass.x, 0.1..0.7)": 0.5 * np.cos(2.1),
+    "min(mass.x, 0.1 s .. 1.2 s)": -0.5,
+    "max(mass.x, 1.3..)": 0.5,
+    "max(mass.x, 2.2..2.5)": 0.5 * np.cos(6.6),
+    "mean(mass.x)": np.sin(7.5) / 15.0,
+    "mean(mass.x, 0.3..0.4)": (np.sin(1.2) - np.sin(0.9)) / 0.6,
+    "rms(mass.x, 0.8..2.3)": np.sqrt(0.125 * (1.0 + (np.sin(13.8) - np.sin(4.8)) / 9.0)),
+}
+
+
+def test_quantities_of_a_part_of_a_run():
+    loaded = parse_deck(MASS, "mass.yaml", ["output.channels=[mass.x]", "solve.tolerance=1e-10"])
+    assert collected(loaded, *WINDOWS) == pytest.approx(list(WINDOWS.values()), abs=1e-10)
+
+
+def test_a_window_is_looked_at_as_closely_as_its_own_range_asks_for():
+    """What is left after a fall by e^15 swings a little still."""
+    changes = ["solve.duration=40", "output.channels=[bob.x]", "solve.tolerance=1e-9"]
+    loaded = parse_deck(LONG, "long.yaml", changes)
+    w = np.sqrt(99.0)
+    first = np.arctan(w) / w + 2.0 * np.pi / w * np.ceil(15.0 * w / (2.0 * np.pi))
+    (found,) = collected(loaded, f"max(bob.x, {first - 0.2}..{first + 0.2})")
+    assert found == pytest.approx(10.0 / w * np.exp(-first) * np.sin(w * first), rel=1e-4)
+
+
+def test_a_window_that_the_run_does_not_have_is_told_where_it_stands():
+    for text, why in (("max(mass.x, 1..3)", "nothing at 3 s"), ("rms(mass.x, 2.5..)", "nothing after 2.5 s")):
+        wrong = MASS.replace("min(mass.x)", text)
+        with pytest.raises(DeckError) as told:
+            parse_deck(wrong, "mass.yaml")
+        (problem,) = told.value.problems
+        line = next(k for k, row in enumerate(wrong.splitlines(), 1) if text in row)
+        assert why in problem.message and str(told.value).startswith(f"mass.yaml:{line}:")
 
 
 def test_quantities_of_a_run():
@@ -182,7 +221,8 @@ def test_however_few_steps_are_looked_at_together(monkeypatch):
 
 def test_what_a_run_does_not_have_is_told():
     loaded = parse_deck(MASS, "mass.yaml", ["output.channels=[mass.x]"])
-    for text in ("at(2.6, mass.x)", "final(mass.y)", "max(mass.y)"):
+    late = "at(2.6, mass.x)", "max(mass.x, 2..2.6)", "max(mass.x, 2.5..)"
+    for text in (*late, "final(mass.y)", "max(mass.y)"):
         with pytest.raises(CollectError):
             collected(loaded, text)
 

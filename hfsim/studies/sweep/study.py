@@ -62,8 +62,8 @@ def read_collected(texts: Sequence[str], loaded: LoadedDeck, end: float) -> tupl
 
 def _why_not(quantity: Quantity, loaded: LoadedDeck, end: float) -> Iterator[tuple[str, str]]:
     """Yield why the runs of a deck do not have a quantity, and what they have."""
-    if (quantity.time or 0.0) > end:
-        yield f"the run ends at {end:g} s", ""
+    if why := quantity.beyond(end):
+        yield why, ""
     if quantity.channel and quantity.channel not in loaded.deck.channels:
         try:
             loaded.changed([f"output.channels=[{quantity.channel}]"])
