@@ -34,6 +34,7 @@ from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.measured import coordinate_of, refuse_unread, start_turns, ties_of
 from hfsim.scene.memory import refuse_too_large
 from hfsim.scene.points import find_marker
+from hfsim.scene.posed import posing
 from hfsim.scene.redundancy import Redundancy, redundancy
 from hfsim.scene.rules import LeftOut, apply_rules, connected, keeps, still_bodies, welds
 from hfsim.scene.schema import Deck
@@ -108,7 +109,7 @@ class Scene:
     @cached_property
     def _held(self) -> Linkage:
         """The joints between frames of which they hold no more than of the bodies."""
-        return _linkage(self.deck, self.bodies, Facings(self.deck), self._lines)
+        return _linkage(self.deck, self.bodies, self._lines)
 
     @cached_property
     def rigid_inertia(self) -> Array:
@@ -274,15 +275,14 @@ def _kinds(loaded: LoadedDeck, models: Mapping[str, str]) -> dict[str, Model]:
 
 
 def _assembly(loaded: LoadedDeck, bodies: dict[str, Body]) -> Assembly:
-    linkage = _linkage(loaded.deck, bodies, Facings(loaded.deck))
-    named = loaded.deck.bodies.items()
-    straight = {name: one.length for name, one in named if one.type == "beam" and one.axis is None}
-    return assembled(Start(tuple(bodies), loaded.deck.motions, linkage, straight, loaded.problem))
+    deck, linkage = loaded.deck, partial(_linkage, bodies=bodies)
+    straight = {k: one.length for k, one in deck.bodies.items() if one.type == "beam" and one.axis is None}
+    start = Start(tuple(bodies), deck.motions, linkage(deck), straight, loaded.problem)
+    return assembled(start, *(posing(start, deck, linkage, rates) for rates in (False, True)))
 
 
-def _linkage(
-    deck: Deck, bodies: Mapping[str, Body], facing: Facings, lines: Collection[str] = ()
-) -> Linkage:
+def _linkage(deck: Deck, bodies: Mapping[str, Body], lines: Collection[str] = ()) -> Linkage:
+    facing = Facings(deck)
     frames = Frame.of(bodies.values(), deck.dimension, facing.centres, lines)
     _, constraints = _joints(deck, frames)
     n = max(frame.columns.stop for frame in frames.values())

@@ -9,11 +9,13 @@ from typing import Any
 from hfsim.deck.fields import split_point
 from hfsim.deck.reader import Path
 from hfsim.deck.source import did_you_mean, entry_at
-from hfsim.deck.spec import Around, Complaint
+from hfsim.deck.spec import Around, Complaint, at
 from hfsim.parts.channels import scene_words
+from hfsim.parts.joints import JOINTS
 from hfsim.scene.channel_names import ChannelNames
 from hfsim.scene.declared import Declared
-from hfsim.scene.initial import AT_REST, STEADY
+from hfsim.scene.initial import AT_REST, STEADY, InitialSpec
+from hfsim.scene.posed import COORDINATES, left_free
 from hfsim.scene.rules import RULES
 from hfsim.scene.schema import space_of, specs_in
 
@@ -176,11 +178,34 @@ def _initial_names(declared: Declared) -> Iterator[Complaint]:
                 path = ("initial", name, "body")
                 yield Complaint(path, f"there is no body '{body}'", did_you_mean(body, bodies))
             yield from _overruled(entries, str(body), bodies or ())
+        elif bodies and name in (declared.names("joints") or ()):
+            yield from _of_joint(declared.map("joints", name).get("type"), entry, ("initial", name))
         elif bodies and name not in bodies and name != "ground":
-            yield Complaint(("initial", name), f"there is no body '{name}'", did_you_mean(name, bodies), True)
+            hint = did_you_mean(name, [*bodies, *(declared.names("joints") or ())])
+            yield Complaint(("initial", name), f"there is no body or joint '{name}'", hint, True)
         elif isinstance(entry, bool | list):
             why = "must be a map of what is stated of a body"
             yield Complaint(("initial", name), why, f"{AT_REST}: [{name}]?")
+        elif isinstance(entry, dict):
+            for key in (key for key in COORDINATES["m"] if key in entry):
+                yield Complaint(("initial", name, key), "is of joints, not of bodies", "position?", True)
+
+
+def _of_joint(kind: Any, entry: Any, path: Path) -> Iterator[Complaint]:
+    """Yield what is stated of a joint and is not of what it leaves free."""
+    spec = JOINTS.get(str(kind))
+    known = [key for unit in left_free(at(spec) if spec else None) for key in COORDINATES[unit]]
+    if spec and not known:
+        why = f"a {kind} joint leaves no angle or distance free that could be stated"
+        yield Complaint(path, why, "state those of bodies", True)
+    elif not isinstance(entry, dict):
+        yield Complaint(path, "must be a map of what is stated of a joint", f"{{{known[0]}: ...}}")
+    elif spec:
+        hint = f"it has {' and '.join(known)}"
+        for key in (key for key in InitialSpec.model_fields if key in entry and key not in known):
+            yield Complaint((*path, key), f"a {kind} joint has no {key}", hint, True)
+        if isinstance(entry.get("angular_velocity"), list):
+            yield Complaint((*path, "angular_velocity"), "must be a number: it is about the joint's axis")
 
 
 def _overruled(entries: Any, body: str, bodies: Collection[str]) -> Iterator[Complaint]:

@@ -26,6 +26,8 @@ def contradicted(
     unit = f"{joint.unit}/s" if rates else joint.unit
     if not given.stated.any():
         hint = "the start or the rate of a driver, or an angle of a joint, must be another"
+        if start.posed:
+            hint = f"correct or leave out {start.posed}; or {hint}"
         return start.refuse(
             joint.item, f"other joints and drivers contradict this one by {size:.6g} {unit}", hint
         )
@@ -56,6 +58,10 @@ def cannot_close(start: Start, place: Stated, joint: Constraint, size: float) ->
     else:
         message = f"cannot be closed: at least {size:.6g} {joint.unit} are left, whatever the angles"
         hint = "make a link longer, move a point, or let a driver start elsewhere"
+        if start.posed:
+            left = f"at least {size:.6g} {joint.unit} are left"
+            message = f"cannot be closed with what is stated of joints: {left}"
+            return start.refuse(joint.item, message, f"correct or leave out {start.posed}")
         if (slack := _slack(start, joint)) is not None:
             return start.refuse(joint.item, *slack)
         if unknown := _unfaced(start, place):

@@ -12,6 +12,7 @@ from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import rotation, smallest_rotation
 from hfsim.parts.specs import JointSpec
+from hfsim.scene.posed import started
 from hfsim.scene.schema import Deck
 
 LEVEL = np.eye(3)
@@ -23,7 +24,7 @@ class Facings:
     """Orientations that a deck states or that joints hand on from those; none in the plane."""
 
     def __init__(self, deck: Deck) -> None:
-        self._deck = deck
+        self._deck, self._joints = deck, started(deck)
 
     @cached_property
     def known(self) -> dict[str, Array]:
@@ -53,7 +54,7 @@ class Facings:
 
     def _floating(self, known: Collection[str]) -> Iterator[str]:
         """Yield the first body of each group that joints hold together, if none of it is known."""
-        holding = (joint for joint in self._deck.joints.values() if joint.holds)
+        holding = (joint for joint in self._joints.values() if joint.holds)
         pairs = [{split_point(end)[0] for end in joint.between} for joint in holding]
         reached = _connected(set(known), pairs)
         for name in self._deck.bodies:
@@ -64,7 +65,7 @@ class Facings:
     def _handed_on(self, known: dict[str, Array], step: Step) -> bool:
         """Hand on orientations by one kind of joints, in one round of all; tell whether any was."""
         before = len(known)
-        for joint in self._deck.joints.values():
+        for joint in self._joints.values():
             a, b = (split_point(end)[0] for end in joint.between)
             if a in known and b not in known and (R := step(joint, known[a], False)) is not None:
                 known[b] = R
@@ -76,7 +77,7 @@ class Facings:
         """Return where a hinge that is driven holds the other body."""
         if not (joint.follows_start and joint.holds) or getattr(joint, "angle", None) is None:
             return None
-        others = (one for one in self._deck.joints.values() if one is not joint and one.holds)
+        others = (one for one in self._joints.values() if one is not joint and one.holds)
         hinges = (one for one in others if one.follows_start)
         pair = {split_point(end)[0] for end in joint.between}
         if not any(pair == {split_point(end)[0] for end in one.between} for one in hinges):

@@ -13,6 +13,7 @@ from hfsim.maths.rotations import rotation_vector, wrap
 from hfsim.mechanics.directions import THIRD, along, unit
 from hfsim.parts.specs import JointSpec
 from hfsim.scene.facing import Facings, by_holding
+from hfsim.scene.posed import started
 from hfsim.scene.schema import Deck
 
 
@@ -20,7 +21,7 @@ class FullTurns:
     """Turns of bodies, full ones included, that a deck states or that joints hand on."""
 
     def __init__(self, deck: Deck) -> None:
-        self._deck = deck
+        self._deck, self._joints = deck, started(deck)
 
     def between(
         self, ends: Sequence[str], axis: Sequence[float] | None, angle: float, angles: Mapping[str, float]
@@ -56,12 +57,12 @@ class FullTurns:
 
     @cached_property
     def _driven(self) -> Mapping[tuple[str, ...], Array]:
-        """Turns of B against A that drivers begin with, by both bodies."""
+        """Turns of B against A that drivers begin with, or that are stated of joints, by both bodies."""
         from hfsim.parts.joints.driver import DriverSpec
 
         return {
             _bodies(joint): float(joint.angle.build().value(np.zeros(1))[0]) * _unit(joint.axis)
-            for joint in self._deck.joints.values()
+            for joint in self._joints.values()
             if isinstance(joint, DriverSpec) and joint.angle is not None
         }
 
@@ -71,7 +72,7 @@ class FullTurns:
         stated = {name: entry.turns for name, entry in self._deck.motions.items()}
         known = {"ground": np.zeros(3)} | {name: one for name, one in stated.items() if one is not None}
         steps = dict(self._driven)
-        for joint in self._deck.joints.values():
+        for joint in self._joints.values():
             if by_holding(joint, np.eye(3), False) is not None:
                 steps.setdefault(_bodies(joint), np.zeros(3))
         count = 0

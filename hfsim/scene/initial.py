@@ -9,9 +9,11 @@ import numpy as np
 from hfsim.deck.fields import (
     Angle,
     Flag,
+    Length,
     LengthVector,
     Orientation,
     Spin,
+    Velocity,
     VelocityVector,
     degrees_as_radians,
 )
@@ -23,19 +25,28 @@ _FAST = 1000.0
 
 
 class InitialSpec(Spec):
-    """Motion of one body at the start, absolute; what is not stated follows from the joints."""
+    """Motion of one body at the start, absolute, or of what one joint leaves free, as its channels have it;
+    what is not stated follows from the joints.
+    """
 
     vectors = ("position", "velocity", "angular_velocity")
     spatial = ("orientation",)
 
     angle: Angle | None = None
-    """Angle of the body frame, in space about z [rad]."""
+    """Angle of the body frame, in space about z; or that of a joint [rad]."""
 
     orientation: Orientation | None = None
     """Orientation of the body frame in space, against the ground's axes."""
 
     angular_velocity: Spin | None = None
-    """Angular velocity of the body frame [rad/s]: a number, in space about z, or three in ground axes."""
+    """Angular velocity of the body frame [rad/s]: a number, in space about z, or three in ground axes; or how
+    fast the angle of a joint grows."""
+
+    distance: Length | None = None
+    """Distance that a joint leaves free [m]."""
+
+    distance_rate: Velocity | None = None
+    """Its rate [m/s]."""
 
     position: LengthVector | None = None
     """Position of the body's origin [m]."""

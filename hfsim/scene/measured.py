@@ -18,6 +18,7 @@ from hfsim.scene.facing import Facings
 from hfsim.scene.full_turns import FullTurns
 from hfsim.scene.gauging import Assembled
 from hfsim.scene.loading import LoadedDeck
+from hfsim.scene.posed import posed
 from hfsim.scene.schema import Deck
 
 if TYPE_CHECKING:
@@ -87,8 +88,17 @@ def refuse_unread(loaded: LoadedDeck, scene: Measured) -> None:
             message = f"{channel}: without strains, as in its model, a beam has no internal forces"
             raise loaded.problem(path, message, "take linear or exact")
         if kind.measured and scene.coordinate(name, kind.measured) is None:
-            message = f"{channel}: of a line without sections there is no such angle about its axis"
-            raise loaded.problem(path, message, "take element: cosserat; across the line, name it second")
+            raise loaded.problem(path, f"{channel}: {_NO_ANGLE[0]}", _NO_ANGLE[1])
+    for path, joint in posed(scene.deck).items():
+        name = path.split(".")[1]
+        if not joint.carries and scene.coordinate(name, "rad") is None:
+            raise loaded.problem(path, *_NO_ANGLE)
+
+
+_NO_ANGLE = (
+    "of a line without sections there is no such angle about its axis",
+    "take element: cosserat; across the line, name it second",
+)
 
 
 def blind_channels(deck: Deck, rigid: Collection[str]) -> list[str]:

@@ -22,6 +22,7 @@ from hfsim.deck.fields import (
     UnitInterval,
     measures,
     read_text,
+    split_point,
     whole,
 )
 from hfsim.deck.made_of import beam_properties, section_properties
@@ -300,7 +301,8 @@ class Deck(Spec):
     @property
     def motions(self) -> dict[str, InitialSpec]:
         """What is stated under initial of single bodies."""
-        found = {name: one for name, one in self.initial.items() if isinstance(one, InitialSpec)}
+        named = ((k, one) for k, one in self.initial.items() if k not in self.joints)
+        found = {name: one for name, one in named if isinstance(one, InitialSpec)}
         if (steady := self.steady) is not None:
             own = found.get(steady.body) or InitialSpec()
             found[steady.body] = own.model_copy(update={"angular_velocity": steady.rate})
@@ -317,6 +319,9 @@ class Deck(Spec):
         found: dict[str, InitialSpec | EquilibriumSpec | SteadySpec] = {
             name: one for name, one in self.motions.items() if name in bodies
         }
+        for name, joint in self.joints.items():
+            if name in self.initial and {split_point(end)[0] for end in joint.between} <= set(bodies):
+                found[name] = self.initial[name]
         if (steady := self.steady) is not None and steady.body in bodies:
             found[STEADY] = steady
         resting = tuple(name for name in self.resting if name in bodies)

@@ -25,7 +25,7 @@ from hfsim.scene.closing import CLOSED, Linkage
 from hfsim.scene.contradicted import cannot_close, contradicted, misfaced
 from hfsim.scene.stated import AT_START, Start, Stated
 
-GROUND = None
+GROUND, TURN = None, 2.0 * np.pi
 MOST_STATED = 50
 """Bodies in scenes of which it is looked for what other stated angles would do."""
 APART = 1e-3
@@ -45,8 +45,13 @@ ROUGH_RATE = 0.05
 """The same of stated velocities, relative to the largest of their kind."""
 
 
-def assembled(start: Start) -> Assembly:
+def assembled(joined: Start, start: Start, moving: Start) -> Assembly:
     """Return where the bodies of a scene are at the start, and how they move.
+
+    Parameters
+    ----------
+    joined, start, moving : Start
+        With the joints alone, with what is stated of their angles and distances, and of the rates of these.
 
     Raises
     ------
@@ -59,11 +64,12 @@ def assembled(start: Start) -> Assembly:
     _hand_on_known_faces(start, place)
     _refuse_twists(start, place)
     closed, branches = _settle(start, place)
-    rates = start.stated("velocity", "angular_velocity")
-    _hand_on(start, rates, lambda tie: -tie.rate(AT_START)[0])
-    _settle_rates(start, start.linkage.slopes_by_rates(place.values), rates)
+    _count_on(start, place)
+    rates = moving.stated("velocity", "angular_velocity")
+    _hand_on(moving, rates, lambda tie: -tie.rate(AT_START)[0])
+    _settle_rates(moving, moving.linkage.slopes_by_rates(place.values), rates)
     return Assembly(
-        linkage=start.linkage,
+        linkage=joined.linkage,
         place=place.values,
         poses=dict(zip(start.names, start.linkage.poses(place.values), strict=True)),
         twists={name: Twist(*parts) for name, parts in start.frames(rates)},
@@ -181,6 +187,24 @@ def _settle(start: Start, place: Stated) -> tuple[dict[str, Turn], Branches]:
     x[:] = _near(link, found[0], begin)
     follow = _following(start, place.open & link.turns, np.abs(x - begin) > CLOSED)
     return _turned(start, x, follow), partial(_branches, start, place, free, begin, starts, follow, guessed)
+
+
+def _count_on(start: Start, place: Stated) -> None:
+    """Add full turns to angles that are not stated, in the plane, where joints and drivers fix so many."""
+    turns = place.values.reshape(len(start.names), -1)[:, start.n_dim :]
+    free = place.open.reshape(turns.shape[0], -1)[:, -1]
+    owner, ties = start.linkage.owner, start.ties if start.n_dim == 2 else ()
+    for _ in ties:
+        before = turns.copy()
+        for tie in ties:
+            a, b = map(owner, tie.ends)
+            more = np.round((tie.target(AT_START) - tie.gap(place.values[None])[0]) / TURN) * TURN
+            if b is not None and free[b]:
+                turns[b] += more
+            elif a is not None and free[a]:
+                turns[a] -= more
+        if (turns == before).all():
+            break
 
 
 def _turned(start: Start, x: Array, follow: IntArray) -> dict[str, Turn]:

@@ -50,6 +50,12 @@ class Start:
         """The constraints that hold whole turns."""
         return tuple(c for c in self.linkage.constraints if c.holds_turn)
 
+    @cached_property
+    def posed(self) -> str:
+        """Deck paths of what is stated of joints, in words."""
+        items = dict.fromkeys(c.item for c in self.linkage.constraints if c.item.startswith("initial."))
+        return ", ".join(items)
+
     def stated(self, origin: str, turn: str) -> Stated:
         """Return the stated values of two quantities of each body, zero for the rest."""
         values = np.zeros((len(self.names), freedoms(self.n_dim)))

@@ -74,3 +74,9 @@ class DriverSpec(DrivenSpec):
             return (Turn(law=self.angle.build()),)
         assert self.position is not None
         return (Shift(self.axis or ((1.0, 0.0) if facing is None else THIRD), self.position.build()),)
+
+
+class PacerSpec(DriverSpec):
+    """Imposes a rate at the start, whatever the angle or the distance is there."""
+
+    holds = False

@@ -1,0 +1,64 @@
+"""Angles and distances of joints that a deck states of the start: they hold there as those of drivers do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from hfsim.parts.specs import JointSpec
+from hfsim.scene.initial import InitialSpec
+from hfsim.scene.schema import Deck
+
+if TYPE_CHECKING:
+    from hfsim.scene.closing import Linkage
+    from hfsim.scene.stated import Start
+
+COORDINATES = {"rad": ("angle", "angular_velocity"), "m": ("distance", "distance_rate")}
+"""What is stated of what joints leave free, and of its rate, by its unit: as channels have it."""
+
+
+def left_free(joint: type[JointSpec] | JointSpec | None) -> tuple[str, ...]:
+    """Return the units of what a joint leaves free, not of what it drives or acts on."""
+    return tuple(unit for unit, key in joint.measures if not key) if joint else ()
+
+
+def posed(deck: Deck, rates: bool = False) -> dict[str, JointSpec]:
+    """Return drivers, by deck path, of what is stated of joints at the start, or of its rates."""
+    found = dict[str, JointSpec]()
+    for name, entry in deck.initial.items():
+        joint = deck.joints.get(name) if isinstance(entry, InitialSpec) else None
+        for unit in left_free(joint):
+            key = COORDINATES[unit][rates]
+            if joint and (value := getattr(entry, key)) is not None:
+                found[f"initial.{name}.{key}"] = _driver(joint, unit, value, rates)
+    return found
+
+
+def started(deck: Deck) -> dict[str, JointSpec]:
+    """Return the joints of a deck, and drivers for what is stated of some at the start."""
+    return {**deck.joints, **posed(deck)}
+
+
+def posing(start: Start, deck: Deck, linkage: Callable[[Deck], Linkage], rates: bool) -> Start:
+    """Return a start whose linkage holds what is stated of joints, or of its rates, too."""
+    drivers = posed(deck, rates)
+    if not drivers:
+        return start
+    link = linkage(deck.model_copy(update={"joints": {**deck.joints, **drivers}}))
+    rows = (
+        replace(row, item=row.item.removeprefix("joints.")) if row.item[7:] in drivers else row
+        for row in link.constraints
+    )
+    return replace(start, linkage=replace(link, constraints=tuple(rows)))
+
+
+def _driver(joint: JointSpec, unit: str, value: float, rates: bool) -> JointSpec:
+    from hfsim.deck.law_specs import ConstantRateSpec
+    from hfsim.parts.joints.driver import DriverSpec, PacerSpec
+
+    start, rate = (0.0, value) if rates else (value, 0.0)
+    law = ConstantRateSpec(type="constant_rate", start=start, rate=rate)
+    angle, position = (law, None) if unit == "rad" else (None, law)
+    axis, kind = getattr(joint, "axis", None), PacerSpec if rates else DriverSpec
+    return kind(type="driver", between=joint.between, axis=axis, angle=angle, position=position)

@@ -1,0 +1,201 @@
+# ruff: noqa: E501
+"""Angles, distances and rates of joints as starting values: channels show at the start what is stated."""
+
+import numpy as np
+import pytest
+
+from hfsim.errors import DeckError
+from hfsim.scene.build import build
+from hfsim.scene.loading import parse_deck
+from hfsim.simulate import simulate
+
+ARM = """
+hfsim: 1
+name: arm
+gravity: [0.0, -9.81]
+bodies:
+  upper: {type: rigid, mass: 2.0, inertia: 0.1, points: {in: [-0.5, 0.0], out: [0.5, 0.0]}}
+  lower: {type: rigid, mass: 1.0, inertia: 0.05, points: {in: [-0.4, 0.0], out: [0.4, 0.0]}}
+  slide: {type: rigid, mass: 0.3, inertia: 0.01}
+joints:
+  shoulder: {type: revolute, between: [ground, upper.in]}
+  elbow: {type: revolute, between: [upper.out, lower.in]}
+  rod: {type: prismatic, between: [lower.out, slide], axis: [1, 1], angle: 10 deg}
+initial:
+  shoulder: {angle: 30 deg, angular_velocity: 10 rpm}
+  elbow: {angle: 400 deg, angular_velocity: -1.5}
+  rod: {distance: 10 cm, distance_rate: 0.2}
+solve: {duration: 1.0e-3}
+output:
+  interval: 1.0e-3
+  channels: [shoulder.angle, shoulder.angular_velocity, elbow.angle, elbow.angular_velocity, rod.distance,
+             rod.distance_rate]
+"""
+STATED = [np.pi / 6, np.pi / 3, np.radians(400.0), -1.5, 0.1, 0.2]
+
+# The base turns about z; the elbow leans, and the rod turns and slides
+SPATIAL = """
+hfsim: 1
+name: robot
+gravity: [0.0, 0.0, -9.81]
+materials: {nylon: {density: 1150, youngs_modulus: 3 GPa, poisson_ratio: 0.4}}
+sections: {round: {shape: circle, diameter: 4 cm}}
+bodies:
+  base: {type: rigid, mass: 2.0, inertia: [0.1, 0.1, 0.1], points: {top: [0, 0, 0.3]}}
+  upper: {type: beam, material: nylon, section: round, length: 1.0, elements: 2}
+  lower: {type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1], points: {in: [-0.4, 0, 0], out: [0.4, 0, 0]}}
+  slide: {type: rigid, mass: 0.3, inertia: [0.01, 0.01, 0.01]}
+joints:
+  yaw: {type: revolute, between: [ground, base]}
+  shoulder: {type: revolute, between: [base.top, upper.root], axis: [0, -1, 0]}
+  elbow: {type: revolute, between: [upper.tip, lower.in], axis: [0, 1, 0.2]}
+  rod: {type: cylindrical, between: [lower.out, slide], axis: [1, 0, 0]}
+initial:
+  yaw: {angle: 200 deg, angular_velocity: 1}
+  shoulder: {angle: 30 deg, angular_velocity: 10 rpm}
+  elbow: {angle: -300 deg, angular_velocity: -1.5}
+  rod: {distance: 10 cm, distance_rate: 0.2, angle: -1, angular_velocity: 3}
+solve: {duration: 1.0e-3}
+output:
+  interval: 1.0e-3
+  channels: [yaw.angle, shoulder.angle, elbow.angle, rod.angle, rod.distance, yaw.angular_velocity,
+             shoulder.angular_velocity, elbow.angular_velocity, rod.angular_velocity, rod.distance_rate]
+"""
+SPATIAL_STATED = [*np.radians([200.0, 30.0, -300.0]), -1.0, 0.1, 1.0, np.pi / 3, -1.5, 3.0, 0.2]
+
+FOUR_BAR = """
+hfsim: 1
+name: four_bar
+ground: {points: {d: [1.0, 0.0]}}
+bodies:
+  crank: {type: rigid, mass: 1.0, inertia: 0.1, points: {a: [-0.15, 0.0], b: [0.15, 0.0]}}
+  coupler: {type: rigid, mass: 1.0, inertia: 0.1, points: {b: [-0.5, 0.0], c: [0.5, 0.0]}}
+  rocker: {type: rigid, mass: 1.0, inertia: 0.1, points: {c: [-0.4, 0.0], d: [0.4, 0.0]}}
+joints:
+  a: {type: revolute, between: [ground, crank.a]}
+  b: {type: revolute, between: [crank.b, coupler.b]}
+  c: {type: revolute, between: [coupler.c, rocker.c]}
+  d: {type: revolute, between: [ground.d, rocker.d]}
+initial: {}
+solve: {duration: 1.0e-3}
+output: {interval: 1.0e-3, channels: [a.angle, b.angle, c.angle, d.angle, a.angular_velocity, b.angular_velocity]}
+"""
+
+
+def starting(text, *changes):
+    """Return what the channels of a deck show at the start."""
+    run = simulate(parse_deck(text, "arm.yaml", changes), error_estimate=False)
+    return [float(channel.values[0]) for channel in run.channels]
+
+
+@pytest.mark.parametrize("settings", [(), ("solve.keep=[tree_joints]",), ("bodies.upper.inertia=2",)])
+def test_channels_of_joints_show_what_is_stated(settings):
+    assert starting(ARM, *settings) == pytest.approx(STATED, abs=1e-12)
+
+
+@pytest.mark.parametrize("model", ["exact", "linear", "ancf"])
+def test_in_space_too(model):
+    """About axes that lean, on a beam, with full turns."""
+    assert starting(SPATIAL, f"solve.model={model}") == pytest.approx(SPATIAL_STATED, abs=1e-12)
+
+
+def test_bodies_are_where_the_chain_leads():
+    scene = build(parse_deck(ARM, "arm.yaml"))
+    upper, lower, slide = (scene.assembly.poses[name] for name in ("upper", "lower", "slide"))
+    angles = np.cumsum([np.pi / 6, np.radians(400.0), np.radians(10.0)])
+    assert [upper.angle, lower.angle, slide.angle] == pytest.approx(list(angles), abs=1e-12)
+    way = np.exp(1j * angles[0]) + 0.8 * np.exp(1j * angles[1]) + 0.1 * np.exp(1j * (angles[1] + np.pi / 4))
+    assert list(slide.origin) == pytest.approx([way.real, way.imag], abs=1e-12)
+
+
+def test_what_is_not_stated_stays_open():
+    """A rate where an angle is stated, an angle where a rate is, and what stands below in the chain."""
+    alone = "initial={elbow: {angle: 270 deg}, lower: {angular_velocity: 2.0}, shoulder: {angular_velocity: 0}}"
+    found = starting(ARM, alone)
+    assert found[2:4] == pytest.approx([1.5 * np.pi, 2.0], abs=1e-12)
+    rate = starting(ARM, "initial={shoulder: {angular_velocity: 3.0}, upper: {angle: 1.0}}")
+    assert rate[:2] == pytest.approx([1.0, 3.0], abs=1e-12)
+
+
+def test_an_angle_beyond_half_a_turn_where_nothing_says_how_its_bodies_stand():
+    assert starting(FOUR_BAR, "initial={b: {angle: 300 deg}}")[1] == pytest.approx(np.radians(300.0), abs=1e-12)
+
+
+def test_free_motions_are_those_without_what_is_stated():
+    told = {(one.body, one.kind) for one in build(parse_deck(ARM, "arm.yaml")).free_motions}
+    assert told == {("upper", "turns"), ("lower", "turns"), ("slide", "slides")}
+
+
+def test_loops_close_with_what_is_stated():
+    """And with a second angle that fits, though the first one decides it."""
+    crank = "a: {angle: 60 deg, angular_velocity: 3.0}"
+    found = starting(FOUR_BAR, f"initial={{{crank}}}")
+    assert [found[0], found[4]] == pytest.approx([np.pi / 3, 3.0], abs=1e-12)
+    twice = f"initial={{{crank}, b: {{angle: {found[1]!r}, angular_velocity: {found[5]!r}}}}}"
+    assert starting(FOUR_BAR, twice) == pytest.approx(found, abs=1e-8)
+    other = starting(FOUR_BAR, f"initial={{{crank}, b: {{angle: {wrapped(found)!r}}}}}")
+    assert other[0] == pytest.approx(np.pi / 3) and other[1] != pytest.approx(found[1], abs=0.1)
+
+
+def wrapped(found):
+    """Return the other angle between crank and coupler that closes the loop: mirrored about its diagonal."""
+    hinge = 0.3 * np.exp(1j * found[0])
+    lean = 2.0 * np.angle(1.0 - hinge) - 2.0 * found[0]
+    return float(np.angle(np.exp(1j * (lean - found[1]))))
+
+
+@pytest.mark.parametrize(
+    ("initial", "at", "why"),
+    [
+        ("a: {angle: 60 deg}, b: {angle: -30 deg}", "joints.", "closed with what is stated of joints.*initial.a.angle, initial.b.angle"),
+        ("a: {angular_velocity: 1}, b: {angular_velocity: 1}", "joints.", "contradict this one by .* m/s .*initial.b.angular_velocity"),
+        ("a: {angle: 60 deg}, crank: {angle: 90 deg}", "initial.a.angle", "contradict this joint by 0.523599 rad"),
+        ("a: {angular_velocity: 1}, crank: {angle: 1, angular_velocity: 3}", "initial.a.angular_velocity", "contradict this joint by 2 rad/s"),
+        ("a: {distance: 1}", "initial.a.distance", "a revolute joint has no distance .it has angle and angular_velocity"),
+        ("a: {angle: 1, exact: true}", "initial.a.exact", "has no exact"),
+        ("a: [1]", "initial.a", "must be a map"),
+        ("a: {angle: 1 m}", "initial.a.angle", "rad"),
+        ("crank: {distance: 1}", "initial.crank.distance", "of joints, not of bodies"),
+        ("crnk: {angle: 1}", "initial.crnk", "no body or joint 'crnk' .did you mean 'crank'"),
+        ("fix: {angle: 1}", "initial.fix", "a fixed joint leaves no angle or distance free"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_told_where_it_stands(initial, at, why):
+    text = FOUR_BAR.replace("initial: {}", f"initial: {{{initial}}}")
+    text = text.replace("joints:", "joints:\n  fix: {type: fixed, between: [rocker, spare]}" if "fix" in initial else "joints:")
+    text = text.replace("bodies:", "bodies:\n  spare: {type: rigid, mass: 1, inertia: 1}" if "fix" in initial else "bodies:")
+    with pytest.raises(DeckError, match=why) as told:
+        build(parse_deck(text, "arm.yaml"))
+    (problem,) = told.value.problems
+    assert problem.path.startswith(at)
+    if at.startswith("initial"):
+        assert problem.line == next(k for k, row in enumerate(text.splitlines(), 1) if "initial:" in row)
+
+
+def test_beside_a_driver_of_the_same_joint():
+    driver = "joints.pace={type: driver, between: [ground, crank.a], angle: 0.3}"
+    with pytest.raises(DeckError, match=r"initial\.a\.angle: other joints and drivers contradict"):
+        build(parse_deck(FOUR_BAR, "arm.yaml", [driver, "initial={a: {angle: 60 deg}}"]))
+
+
+def test_of_a_line_without_sections_there_is_no_angle_about_its_axis():
+    cable = ["bodies.upper.element=cable", "output.channels=[slide.x]"]
+    with pytest.raises(DeckError, match=r"initial\.elbow\.angle: of a line without sections"):
+        build(parse_deck(SPATIAL, "arm.yaml", cable))
+
+
+def test_a_vector_is_no_rate_of_a_joint():
+    with pytest.raises(DeckError, match=r"initial\.yaw\.angular_velocity: must be a number"):
+        parse_deck(SPATIAL, "arm.yaml", ["initial.yaw.angular_velocity=[0, 0, 1]"])
+
+
+def test_resolved_decks_and_parts_keep_it(monkeypatch):
+    """A body that nothing connects to the arm makes parts of both."""
+    monkeypatch.setattr("hfsim.scene.rules.PARTS_FROM", 1)
+    pin = "  far: {type: rigid, mass: 1, inertia: 1}\njoints:\n  pin: {type: revolute, between: [ground, far]}"
+    text = ARM.replace("joints:", pin).replace("initial:", "initial:\n  pin: {angle: 40 deg}")
+    loaded = parse_deck(text, "arm.yaml")
+    parts = build(loaded).parts
+    assert [sorted(part.scene.deck.initial) for part in parts] == [["elbow", "rod", "shoulder"], ["pin"]]
+    assert loaded.deck.resolved()["initial"]["elbow"]["angle"] == pytest.approx(np.radians(400.0))
+    assert starting(text) == pytest.approx(STATED, abs=1e-12)
