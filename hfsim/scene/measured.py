@@ -18,7 +18,7 @@ from hfsim.scene.facing import Facings
 from hfsim.scene.full_turns import FullTurns
 from hfsim.scene.gauging import Assembled
 from hfsim.scene.loading import LoadedDeck
-from hfsim.scene.posed import posed
+from hfsim.scene.posed import stated_of_joints
 from hfsim.scene.schema import Deck
 
 if TYPE_CHECKING:
@@ -89,10 +89,9 @@ def refuse_unread(loaded: LoadedDeck, scene: Measured) -> None:
             raise loaded.problem(path, message, "take linear or exact")
         if kind.measured and scene.coordinate(name, kind.measured) is None:
             raise loaded.problem(path, f"{channel}: {_NO_ANGLE[0]}", _NO_ANGLE[1])
-    for path, joint in posed(scene.deck).items():
-        name = path.split(".")[1]
-        if not joint.carries and scene.coordinate(name, "rad") is None:
-            raise loaded.problem(path, *_NO_ANGLE)
+    for name, unit, key, _ in (one for rates in (False, True) for one in stated_of_joints(scene.deck, rates)):
+        if scene.coordinate(name, unit) is None:
+            raise loaded.problem(f"initial.{name}.{key}", *_NO_ANGLE)
 
 
 _NO_ANGLE = (

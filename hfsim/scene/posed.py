@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -23,16 +23,21 @@ def left_free(joint: type[JointSpec] | JointSpec | None) -> tuple[str, ...]:
     return tuple(unit for unit, key in joint.measures if not key) if joint else ()
 
 
-def posed(deck: Deck, rates: bool = False) -> dict[str, JointSpec]:
-    """Return drivers, by deck path, of what is stated of joints at the start, or of its rates."""
-    found = dict[str, JointSpec]()
+def stated_of_joints(deck: Deck, rates: bool = False) -> Iterator[tuple[str, str, str, float]]:
+    """Yield joints, units, keys and values of what is stated at the start, or of its rates."""
     for name, entry in deck.initial.items():
-        joint = deck.joints.get(name) if isinstance(entry, InitialSpec) else None
-        for unit in left_free(joint):
+        for unit in left_free(deck.joints.get(name)) if isinstance(entry, InitialSpec) else ():
             key = COORDINATES[unit][rates]
-            if joint and (value := getattr(entry, key)) is not None:
-                found[f"initial.{name}.{key}"] = _driver(joint, unit, value, rates)
-    return found
+            if (value := getattr(entry, key)) is not None:
+                yield name, unit, key, value
+
+
+def posed(deck: Deck, rates: bool = False) -> dict[str, JointSpec]:
+    """Return drivers of this, by deck path."""
+    return {
+        f"initial.{name}.{key}": _driver(deck.joints[name], unit, value, rates)
+        for name, unit, key, value in stated_of_joints(deck, rates)
+    }
 
 
 def started(deck: Deck) -> dict[str, JointSpec]:

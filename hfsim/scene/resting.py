@@ -25,6 +25,8 @@ from hfsim.scene.equilibrium import (
 from hfsim.scene.gauging import Assembled
 from hfsim.scene.initial import AT_REST, STEADY
 from hfsim.scene.loading import LoadedDeck
+from hfsim.scene.measured import Measured
+from hfsim.scene.posed import stated_of_joints
 
 FIRM, LOOSE = 1e-3, 1e-9
 """Weights of rates that are stated, and of those that follow from joints, whose own is one."""
@@ -54,7 +56,7 @@ class Rest(NamedTuple):
     rest: tuple[str, ...]
 
 
-def at_rest(scene: Assembled) -> Rest:
+def at_rest(scene: Measured) -> Rest:
     """Return the start with those bodies at rest that are to be, under what acts on them at t = 0.
 
     Raises
@@ -185,7 +187,7 @@ def _begun(scene: Assembled, turns: Turns, x: Array, u: Array, told: tuple[str, 
     return Rest(q[0], v[0], angles, told)
 
 
-def _rates(scene: Assembled, x: Array) -> Array:
+def _rates(scene: Measured, x: Array) -> Array:
     """Return the rates (1, n_x) with which bodies, as they are deformed, move as the deck states.
 
     What it does not state follows from the joints, as at any start.
@@ -203,6 +205,9 @@ def _rates(scene: Assembled, x: Array) -> Array:
     motions, weights = rigid_motions(scene, x), np.where(stated, FIRM, LOOSE)
     phi = scene.system.unreduced.phi
     held = dense(phi.jacobian_at(x) @ motions.T)
-    rows = np.concatenate([held, np.diag(weights)])
-    aim = np.concatenate([-phi.rate(np.zeros(1))[0], weights * wanted])
+    every, t = np.repeat(x, len(motions), axis=0), np.zeros(len(motions))
+    joints = tuple(stated_of_joints(deck, rates=True))
+    pace = [FIRM * scene.coordinate(name, unit).rate(t, every, motions)[None] for name, unit, *_ in joints]
+    rows = np.concatenate([held, np.diag(weights), *pace])
+    aim = np.concatenate([-phi.rate(t[:1])[0], weights * wanted, [FIRM * rate for *_, rate in joints]])
     return np.asarray(np.linalg.lstsq(rows, aim, rcond=1e-14)[0] @ motions)[None]

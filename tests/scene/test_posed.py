@@ -199,3 +199,10 @@ def test_resolved_decks_and_parts_keep_it(monkeypatch):
     assert [sorted(part.scene.deck.initial) for part in parts] == [["elbow", "rod", "shoulder"], ["pin"]]
     assert loaded.deck.resolved()["initial"]["elbow"]["angle"] == pytest.approx(np.radians(400.0))
     assert starting(text) == pytest.approx(STATED, abs=1e-12)
+
+
+def test_rates_come_on_top_of_where_it_rests():
+    rates = "shoulder: {angular_velocity: 1.0}, elbow: {angular_velocity: 2.0}, rod: {distance_rate: -0.1}"
+    coil = "springs.coil={type: two_point, between: [lower.out, slide], stiffness: 100, rest_length: 0.1}"
+    found = starting(ARM, f"initial={{equilibrium: true, {rates}}}", coil)
+    assert [abs(found[0]), *found[1:4:2], found[5]] == pytest.approx([np.pi / 2, 1.0, 2.0, -0.1], abs=1e-6)
