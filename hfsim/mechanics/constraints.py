@@ -87,10 +87,11 @@ class Turn(NamedTuple):
 
 
 def constraints_of(
-    held: Iterable[Held], first: Marker, second: Marker, item: str = ""
+    held: Iterable[Held], first: Marker, second: Marker, *against: Marker, item: str = ""
 ) -> tuple[Constraint, ...]:
-    """Return the equations of a joint between two markers."""
-    return tuple(replace(row, item=item) for one in held for row in one.between(first, second))
+    """Return the equations of a joint between two markers, and others against which both are measured."""
+    rows = (row for one in held for row in one.between(first, second))
+    return tuple(replace(row, item=item, against=against) for row in rows)
 
 
 @frozen
@@ -105,6 +106,8 @@ class Constraint:
         The part that depends on time, by which the constraint can do work.
     item : str
         Deck path of its joint, such as ``joints.elbow``.
+    against : tuple of Marker
+        Against which both are measured, if so.
     holds_place, holds_turn : bool
         Whether both points are one; whether the whole turn of the second against the first is the target.
     counts_turns : bool
@@ -120,6 +123,7 @@ class Constraint:
     offset: float = field(default=0.0, kw_only=True)
     law: Law | None = field(default=None, kw_only=True)
     item: str = field(default="", kw_only=True)
+    against: tuple[Marker, ...] = field(default=(), kw_only=True)
     holds_place: ClassVar[bool] = False
     holds_turn: ClassVar[bool] = False
     counts_turns: ClassVar[bool] = True
@@ -128,9 +132,9 @@ class Constraint:
     why_kept: ClassVar[str] = "its equations are not linear: they change as bodies move"
 
     @property
-    def ends(self) -> tuple[Marker, Marker]:
-        """Both markers."""
-        return self.first, self.second
+    def ends(self) -> tuple[Marker, ...]:
+        """All markers."""
+        return self.first, self.second, *self.against
 
     @property
     def rows(self) -> int:
@@ -138,8 +142,8 @@ class Constraint:
         return 1
 
     @property
-    def still(self) -> tuple[bool, bool]:
-        """Whether the Jacobian by the first, and by the second body is the same for every state."""
+    def still(self) -> tuple[bool, ...]:
+        """Whether the Jacobian by the body at each end is the same for every state."""
         return False, False
 
     @property
@@ -187,9 +191,9 @@ class Constraint:
         """Return Phi_x by the coordinates of the body at one end, shape (n_batch or 1, rows, n_columns)."""
         raise NotImplementedError
 
-    def jacobians(self, x: Array) -> tuple[Array, Array]:
-        """Return Phi_x by the coordinates of the first and the second body."""
-        return self.jacobian(0, x), self.jacobian(1, x)
+    def jacobians(self, x: Array) -> tuple[Array, ...]:
+        """Return Phi_x by the coordinates of the body at each end."""
+        return tuple(self.jacobian(end, x) for end in range(len(self.ends)))
 
     def bias(self, x: Array, u: Array) -> Array:
         """Return the second time derivative of phi at zero accelerations, shape (n_batch, rows)."""

@@ -31,7 +31,8 @@ class Subset(Constraint):
     @classmethod
     def of(cls, whole: Constraint, kept: Sequence[int]) -> Subset:
         """Return some rows of a constraint."""
-        return cls(whole.first, whole.second, whole, tuple(kept), law=whole.law, item=whole.item)
+        law, item, against = whole.law, whole.item, whole.against
+        return cls(whole.first, whole.second, whole, tuple(kept), law=law, item=item, against=against)
 
     @property
     def unit(self) -> str:  # type: ignore[override]
@@ -49,7 +50,7 @@ class Subset(Constraint):
         return len(self.kept)
 
     @property
-    def still(self) -> tuple[bool, bool]:
+    def still(self) -> tuple[bool, ...]:
         """As the whole."""
         return self.whole.still
 

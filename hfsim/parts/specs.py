@@ -68,6 +68,11 @@ class JointSpec(Spec):
     between: Between
     """The two points, [A, B]."""
 
+    @property
+    def points(self) -> tuple[str, ...]:
+        """All points that it ties, these first."""
+        return self.between
+
     meets: ClassVar[bool] = False
     """Whether its two points stay together."""
 
@@ -141,6 +146,11 @@ class SpringSpec(Spec):
         between: tuple[str, str]
         stiffness: float
         damping: float
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """The points that it ties."""
+        return self.between
 
     carries: ClassVar[bool] = False
     """Whether it resists shifts of its bodies, not turns alone."""

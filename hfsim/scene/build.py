@@ -357,9 +357,9 @@ def _joints(
     held = welds(deck, [name for name, body in bodies.items() if body.still])
     facings = Facings(deck)
     for name, spec in deck.joints.items():
-        first, second = (find_marker(point, bodies, deck, held=True) for point in spec.between)
+        markers = (find_marker(point, bodies, deck, held=True) for point in spec.points)
         holds = () if name in held else spec.held(*facings.of(spec))
-        rows = constraints_of(holds, first, second, f"joints.{name}")
+        rows = constraints_of(holds, *markers, item=f"joints.{name}")
         if left_out is not None and f"joints.{name}" in left_out["standing_drivers"]:
             rows = tuple(row.standing() for row in rows)
         joints[name] = tuple(range(len(constraints), len(constraints) + len(rows)))

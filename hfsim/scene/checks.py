@@ -132,6 +132,7 @@ def _connections(declared: Declared) -> Iterator[Complaint]:
     for kind in ("joints", "springs"):
         for name, entry in declared.maps(kind).items():
             yield from _ends(declared, (kind, name, "between"), entry.get("between"))
+            yield from _geared(declared, (kind, name), entry) if entry.get("type") == "gear" else ()
     for name, load in declared.maps("loads").items():
         yield from _beam_under(declared, name, load.get("on"))
         point, path = load.get("at"), ("loads", name, "at")
@@ -139,6 +140,24 @@ def _connections(declared: Declared) -> Iterator[Complaint]:
             yield Complaint(path, "a load on the ground moves nothing", "name a point of a body")
         elif isinstance(point, str):
             yield from declared.point_complaint(path, point)
+
+
+def _geared(declared: Declared, path: Path, entry: dict[str, Any]) -> Iterator[Complaint]:
+    """Yield what a gear cannot be on: its own carrier, and bodies whose turns are not counted."""
+    carrier, ends = entry.get("carrier", "ground"), entry.get("between")
+    if not isinstance(ends, list) or [type(one) for one in (carrier, *ends)] != [str] * 3:
+        return
+    yield from declared.point_complaint((*path, "carrier"), carrier)
+    owner, known = split_point(carrier)[0], declared.maps("bodies")
+    places: tuple[Path, ...] = (("between", 0), ("between", 1), ("carrier",))
+    for place, end in zip(places, (*ends, carrier), strict=True):
+        name = split_point(end)[0]
+        if known.get(name, {}).get("type", "rigid") != "rigid":
+            why = f"'{name}' is no rigid body: its turns are not counted"
+            yield Complaint((*path, *place), why, "fix a rigid body to it, and name that")
+        elif place != ("carrier",) and name == owner:
+            why = f"'{name}' is the carrier itself"
+            yield Complaint((*path, *place), why, "name that on which both turn")
 
 
 def _beam_under(declared: Declared, load: str, beam: Any) -> Iterator[Complaint]:

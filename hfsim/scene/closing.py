@@ -122,6 +122,14 @@ class Linkage:
         return np.tile(np.arange(freedoms(self.n_dim)) >= self.n_dim, self.n // freedoms(self.n_dim))
 
     @cached_property
+    def turning(self) -> BoolArray:
+        """Which of these full turns may be added to, (n,): those that no gear counts."""
+        free = self.turns.copy()
+        for marker in (marker for c in self.constraints if c.against for marker in c.ends):
+            free[marker.columns] &= marker.grounded
+        return free
+
+    @cached_property
     def size(self) -> float:
         """Largest distance of a joint from the origin of what it is on [m]; 1 where all is zero."""
         at_origin = np.zeros((1, self.n))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
@@ -84,9 +85,8 @@ def _mechanisms(link: Linkage, count: int) -> list[list[int]]:
     """Return the numbers of bodies that joints connect, each group from the ground outwards."""
     near: dict[int | None, list[int]] = {}
     for c in link.constraints:
-        a, b = (link.owner(marker) for marker in c.ends)
-        for here, there in ((a, b), (b, a)):
-            if there is not None:
+        for here, there in permutations(map(link.owner, c.ends), 2):
+            if there is not None and there != here:
                 near.setdefault(here, []).append(there)
     groups: list[list[int]] = []
     depth: dict[int, int] = {}

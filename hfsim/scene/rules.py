@@ -237,7 +237,7 @@ def _fixed_bodies(deck: Deck, models: Models) -> Items:
 
 def owners(tie: JointSpec | SpringSpec) -> set[str]:
     """Return the bodies, or the ground, that a joint or a spring connects."""
-    return {split_point(point)[0] for point in tie.between}
+    return {split_point(point)[0] for point in tie.points}
 
 
 def _may_stand(deck: Deck, joint: str, body: str) -> bool:

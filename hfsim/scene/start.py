@@ -192,7 +192,7 @@ def _settle(start: Start, place: Stated) -> tuple[dict[str, Turn], Branches]:
 def _count_on(start: Start, place: Stated) -> None:
     """Add full turns to angles that are not stated, in the plane, where joints and drivers fix so many."""
     turns = place.values.reshape(len(start.names), -1)[:, start.n_dim :]
-    free = place.open.reshape(turns.shape[0], -1)[:, -1]
+    free = (place.open & start.linkage.turning).reshape(turns.shape[0], -1)[:, -1]
     owner, ties = start.linkage.owner, start.ties if start.n_dim == 2 else ()
     for _ in ties:
         before = turns.copy()
@@ -310,7 +310,7 @@ def _near(link: Linkage, x: Array, begin: Array) -> Array:
         far = np.linalg.norm(rows[:, 3:], axis=1) > np.pi
         rows[far, 3:] = rotation_vector(rotation(rows[far, 3:]))
         return np.asarray(rows.ravel())
-    return np.where(link.turns, begin + wrap(x - begin), x)
+    return np.where(link.turning, begin + wrap(x - begin), x)
 
 
 def _settle_rates(start: Start, J: Array, rates: Stated) -> None:

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from hfsim.parts.joints.cylindrical import CylindricalSpec
     from hfsim.parts.joints.driver import DriverSpec
     from hfsim.parts.joints.fixed import FixedSpec
+    from hfsim.parts.joints.gear import GearSpec
     from hfsim.parts.joints.motion import MotionSpec
     from hfsim.parts.joints.motor import MotorSpec
     from hfsim.parts.joints.prismatic import PrismaticSpec
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from hfsim.parts.joints.universal import UniversalSpec
 
     AnyPlanar = RevoluteSpec | FixedSpec | PrismaticSpec | DriverSpec | MotionSpec | MotorSpec | ServoSpec
-    AnyJoint = AnyPlanar | SphericalSpec | UniversalSpec | CylindricalSpec
+    AnyJoint = AnyPlanar | GearSpec | SphericalSpec | UniversalSpec | CylindricalSpec
 
 JOINTS = {
     "revolute": "hfsim.parts.joints.revolute.RevoluteSpec",
@@ -28,6 +29,7 @@ JOINTS = {
     "cylindrical": "hfsim.parts.joints.cylindrical.CylindricalSpec",
     "driver": "hfsim.parts.joints.driver.DriverSpec",
     "motion": "hfsim.parts.joints.motion.MotionSpec",
+    "gear": "hfsim.parts.joints.gear.GearSpec",
     "motor": "hfsim.parts.joints.motor.MotorSpec",
     "servo": "hfsim.parts.joints.servo.ServoSpec",
 }
