@@ -288,10 +288,16 @@ class Coincide(_Difference):
 
 @frozen
 class RelativeAngle(_Difference):
-    """The second frame is turned against the first by an offset plus a law of time, in the plane."""
+    """The second frame is turned against the first by an offset plus a law of time, in the plane.
 
+    Attributes
+    ----------
+    counted : bool
+        Whether full turns count.
+    """
+
+    counted: bool = field(default=False, kw_only=True)
     holds_turn: ClassVar[bool] = True
-    wraps: ClassVar[bool] = True
     unit: ClassVar[str] = "rad"
     why_kept: ClassVar[str] = "it holds an angle alone"
 
@@ -303,8 +309,14 @@ class RelativeAngle(_Difference):
         return (self.second.angle(x) - self.first.angle(x))[:, None]
 
     def residual(self, t: Array, x: Array) -> Array:
-        """Return the angle error [rad], within half a turn."""
-        return wrap(super().residual(t, x))
+        """Return the angle error [rad], within half a turn where full ones do not count."""
+        missed = super().residual(t, x)
+        return missed if self.counted else wrap(missed)
+
+    @property
+    def wraps(self) -> bool:  # type: ignore[override]
+        """Whether they do not."""
+        return not self.counted
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return minus the multiplier as a moment."""

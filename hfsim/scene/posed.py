@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from hfsim.mechanics.constraints import RelativeAngle
 from hfsim.parts.specs import JointSpec
 from hfsim.scene.initial import InitialSpec
 from hfsim.scene.schema import Deck
@@ -51,10 +52,11 @@ def posing(start: Start, deck: Deck, linkage: Callable[[Deck], Linkage], rates: 
     if not drivers:
         return start
     link = linkage(deck.model_copy(update={"joints": {**deck.joints, **drivers}}))
-    rows = (
-        replace(row, item=row.item.removeprefix("joints.")) if row.item[7:] in drivers else row
-        for row in link.constraints
-    )
+    geared, rows = any(row.against for row in link.constraints), list(link.constraints)
+    for k, row in enumerate(rows):
+        if (path := row.item.removeprefix("joints.")) in drivers:
+            own = replace(row, item=path)
+            rows[k] = replace(own, counted=True) if geared and isinstance(own, RelativeAngle) else own
     return replace(start, linkage=replace(link, constraints=tuple(rows)))
 
 

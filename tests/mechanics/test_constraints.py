@@ -13,6 +13,7 @@ from hfsim.mechanics.constraints import Coincide, constraints_of
 from hfsim.parts.joints import JOINTS as KINDS
 from hfsim.parts.joints.driver import DriverSpec
 from hfsim.parts.joints.fixed import FixedSpec
+from hfsim.parts.joints.gear import GearSpec
 from hfsim.parts.joints.motion import MotionSpec
 from hfsim.parts.joints.prismatic import PrismaticSpec
 from hfsim.parts.joints.revolute import RevoluteSpec
@@ -29,8 +30,13 @@ JOINTS = {
     "driven_angle": DriverSpec(type="driver", between=ENDS, angle=SINE),
     "driven_distance": DriverSpec(type="driver", between=ENDS, position=SINE, axis=(-0.5, 2.0)),
     "motion": MotionSpec(type="motion", between=ENDS, y=SINE, turn=SINE, angle=0.3),
+    "gear": GearSpec(type="gear", between=ENDS, ratio=-2.5, angle=0.3),
+    "rack": GearSpec(type="gear", between=ENDS, radius=0.7, axis=(0.6, 1.1)),
 }
-ROWS = {"revolute": 2, "fixed": 3, "prismatic": 2, "driven_angle": 1, "driven_distance": 1, "motion": 3}
+ROWS = {
+    **{"revolute": 2, "fixed": 3, "prismatic": 2, "driven_angle": 1, "driven_distance": 1, "motion": 3},
+    **{"gear": 1, "rack": 1},
+}
 
 
 @pytest.fixture(params=list(MARKERS))
@@ -56,8 +62,8 @@ def test_every_joint_is_covered():
 
 
 def built(spec, first, second):
-    """The equations of a joint between two markers."""
-    return constraints_of(spec.held(), first, second)
+    """The equations of a joint between two markers, and a carrier where it has one."""
+    return constraints_of(spec.held(), first, second, *(MARKERS["plate"] for _ in spec.points[2:]))
 
 
 def trajectory(rng, size=0.3):
@@ -75,8 +81,8 @@ def full(marker, J):
 
 def dense(constraint, x):
     """Phi_x over all coordinates, (rows, N)."""
-    first, second = constraint.jacobians(x[None])
-    return full(constraint.first, first) + full(constraint.second, second)
+    blocks = zip(constraint.ends, constraint.jacobians(x[None]), strict=True)
+    return sum(full(marker, block) for marker, block in blocks)
 
 
 # ---------------------------------------------------------------- markers
@@ -205,6 +211,10 @@ def test_action_is_reaction(joint, rng):
         turning = 0.0 if isinstance(constraint, Coincide) else moment_of(gap, force)
         on_second = force @ full(second, second.position_jacobian(x))
         on_second = on_second + moment @ full(second, second.spin_jacobian(x))
+        if constraint.against:  # these bear a part
+            own = full(second, constraint.jacobian(1, x))
+            assert on_second == pytest.approx(-multipliers[0] @ own, abs=1e-11)
+            continue
         on_first = -force @ full(first, first.position_jacobian(x))
         on_first = on_first - (moment + turning) @ full(first, first.spin_jacobian(x))
         assert on_first + on_second == pytest.approx(-multipliers[0] @ dense(constraint, x[0]), abs=1e-11)

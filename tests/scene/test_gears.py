@@ -137,6 +137,13 @@ def test_what_turns_is_found_from_either_side_with_all_its_turns():
     assert [(one.body, one.kind) for one in scene.free_motions] == [("sun", "turns")]
 
 
+def test_angles_of_joints_between_wheels_are_stated_with_all_their_turns():
+    scene = build(parse_deck(PLANETARY, "gears.yaml", ["initial={pin2: {angle: 400 deg}}"]))
+    angles = {name: pose.angle for name, pose in scene.assembly.poses.items()}
+    assert angles["planet2"] - angles["arm"] == pytest.approx(np.radians(400.0))
+    assert angles["sun"] == pytest.approx(angles["planet2"] / BACK)
+
+
 def test_angles_that_do_not_mesh_are_guesses_or_refused():
     near = "initial={sun: {angle: 0.1}, arm: {angle: 0.03}}"
     changes = build(parse_deck(PLANETARY, "gears.yaml", [near])).assembly.changes
