@@ -82,6 +82,7 @@ EXAMPLES = {
         "cylindrical": {"elbow": {"between": ELBOW, "axis": [1, 0, 0]}},
         "driver": {"motor": {"between": ELBOW, "angle": {"type": "constant_rate", "rate": 1.0}}},
         "motion": {"elbow": {"between": ELBOW, "y": {"type": "sine", "amplitude": 0.1, "frequency": 1.0}}},
+        "gear": {"mesh": {"between": ["ground", "wheel"], "carrier": "hub", "ratio": 2.0}},
         "motor": {"motor": {"between": ELBOW, "torque": 0.1}},
         "servo": {"motor": {"between": ELBOW, "angle": 0.3, "stiffness": 2.0, "damping": 0.1, "limit": 1.0}},
     },
@@ -145,6 +146,8 @@ def scene_with(kind, name, example):
     space = kind == "joint" and name in ("spherical", "universal", "cylindrical")
     deck = deepcopy(SPACE if space else SCENE)
     if kind == "joint":
+        if name == "gear":
+            deck["bodies"]["wheel"] = {"type": "rigid", "mass": 1.0, "inertia": 0.1}
         deck["joints"] |= {label: {"type": name, **entry} for label, entry in example.items()}
         deck["output"]["channels"] += [f"{label}.moment{'_y' * space}" for label in example]
     elif kind in ("spring", "load"):
