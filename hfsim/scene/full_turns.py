@@ -100,4 +100,4 @@ def _unit(axis: Sequence[float] | None) -> Array:
 
 def _along(vector: Array, other: Array) -> bool:
     """Return whether a vector is along another one, or zero."""
-    return not vector.any() or along(unit(tuple(vector)), unit(tuple(other)))
+    return not np.linalg.norm(vector) or along(unit(tuple(vector)), unit(tuple(other)))

@@ -99,6 +99,11 @@ def test_in_space_too(model):
     assert starting(SPATIAL, f"solve.model={model}") == pytest.approx(SPATIAL_STATED, abs=1e-12)
 
 
+@pytest.mark.filterwarnings("error")
+def test_next_to_no_angle_is_none():
+    assert starting(SPATIAL, "initial.elbow.angle=1e-300")[2] == pytest.approx(0.0, abs=1e-12)
+
+
 def test_bodies_are_where_the_chain_leads():
     scene = build(parse_deck(ARM, "arm.yaml"))
     upper, lower, slide = (scene.assembly.poses[name] for name in ("upper", "lower", "slide"))
