@@ -36,6 +36,7 @@ class Friction(Resistance):
     level: float
     velocity: float
     law: Law | None = None
+    holds: ClassVar[bool] = False
     uses_rates: ClassVar[bool] = True
 
     @property

@@ -31,6 +31,11 @@ class Resistance:
     """A force on a coordinate; a kind says what it stores, and what else it does."""
 
     @property
+    def holds(self) -> bool:
+        """Whether it resists what moves on evenly: servos need not, their laws may move along."""
+        return True
+
+    @property
     def uses_rates(self) -> bool:
         """Whether it depends on the rate."""
         return False
@@ -99,6 +104,11 @@ class LinearSpring(Resistance):
     damping: float = 0.0
     rest: float = 0.0
     preload: float = 0.0
+
+    @property
+    def holds(self) -> bool:
+        """Whether there is a stiffness."""
+        return self.stiffness != 0.0
 
     @property
     def uses_rates(self) -> bool:
@@ -301,6 +311,7 @@ class Push(Resistance):
 
     size: float
     law: Law | None = None
+    holds: ClassVar[bool] = False
     exchanges_power: ClassVar[bool] = True
 
     @property
@@ -335,6 +346,7 @@ class Control(Resistance):
     stiffness: float
     damping: float
     limit: float | None
+    holds: ClassVar[bool] = False
     exchanges_power: ClassVar[bool] = True
 
     @property

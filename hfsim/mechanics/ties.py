@@ -59,6 +59,11 @@ class Tie(PointPart):
         """Whether the coordinate has a value, not a rate alone."""
         return True
 
+    @property
+    def holds(self) -> bool:
+        """Whether it holds what moves on evenly to the ground."""
+        return any(one.holds for one in self.resistances) and any(one.grounded for one in self.markers)
+
     @cached_property
     def _ends(self) -> tuple[tuple[int, Marker], ...]:
         """The ends that can move, with their numbers."""

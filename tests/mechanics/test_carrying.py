@@ -157,3 +157,24 @@ def test_steady_rotors_take_few_iterations(words, most):
     start = scene.marker("front.tip").position(scene.system.absolute(scene.q[None]))[0][:2]
     end = rotation(np.array([0.0, 0.0, 60.0]))[:2, :2] @ start
     assert where == pytest.approx(end, abs=1e-4)
+
+
+SERVO = "}, drive: {type: servo, between: [ground.here, arm.root], stiffness: 9, damping: 1, angle: 0.5"
+
+
+@pytest.mark.parametrize(
+    ("spring", "joint", "carried"),
+    [
+        ("{type: rotational, between: [ground, arm], stiffness: 10.0}", "", False),
+        ("{type: rotational, between: [ground, arm], damping: 10.0}", "", True),
+        ("{type: two_point, between: [arm.tip, bob], stiffness: 10.0}", "", True),
+        (None, ", stops: {upper: 1.0, stiffness: 100.0}", False),
+        (None, ", friction: {torque: 1.0, velocity: 0.1}", True),
+        (None, SERVO, True),
+    ],
+)
+def test_nothing_is_carried_where_springs_or_stops_bear_on_the_ground(spring, joint, carried):
+    bob = ", bob: {type: rigid, mass: 1.0, inertia: [1.0, 1.0, 1.0]}}\njoints"
+    text = SWINGING.replace("}\njoints", bob).replace("arm.root]}", f"arm.root]{joint}}}")
+    text += "" if spring is None else f"springs: {{one: {spring}}}\n"
+    assert (problem_of(build(parse_deck(text))).carrying() is not None) == carried
