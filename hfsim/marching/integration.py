@@ -222,20 +222,13 @@ def _carrying(scene: Scene) -> Carrying | None:
 
 
 def _carrying_of(scene: Scene) -> Carrying | None:
-    """Return rigid motions of everything in space, where matrices are dense.
-
-    Where springs or stops bear on the ground the stiffness has to guess what moves: there are none.
-    """
+    """Return rigid motions of everything in space, where matrices are dense."""
     system = scene.system
     if scene.deck.dimension == 2 or system.charts or system.variable_mass:
         return None
     if is_sparse(system.equations.constant_mass):
         return None
     from hfsim.mechanics.carrying import Carrying
-    from hfsim.mechanics.ties import Tie
-
-    if any(isinstance(part, Tie) and part.holds for part in system.forces):
-        return None
     return Carrying.of(system, tuple(scene.bodies.values()), system.absolute(scene.q[None])[0])
 
 

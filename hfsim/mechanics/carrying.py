@@ -8,7 +8,7 @@ body.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,16 +18,20 @@ from hfsim.maths.frozen import frozen
 from hfsim.maths.rank import null_space
 from hfsim.maths.rotations import cross
 from hfsim.mechanics.reduction import Reduction
+from hfsim.mechanics.ties import Tie
 from hfsim.mechanics.turning import Turning, undriven
 
 if TYPE_CHECKING:
     from hfsim.mechanics.body import Body
+    from hfsim.mechanics.force import ForcePart
     from hfsim.mechanics.system import System
 
 _EVEN = 1e-6
 """Part of its size in others from which on a rigid motion counts as one by itself."""
 TOLD = 0.1
 """Part of the square of accelerations that may be other than those of an axis which moves on evenly."""
+HARDLY = 1e-2
+"""Rate of what holds to the ground, over those of all that moves, that is next to none: shafts may sag."""
 _FLAT = 1e-4
 """Size of a motion about one axis, over that about another, from which down it is next to nothing."""
 SLIGHT = 1e-3
@@ -65,7 +69,8 @@ class Carried:
 class Carrying:
     """Rigid motions of everything in space, where all coordinates are those of vectors.
 
-    What joints with the ground forbid is none of them: it would strain what they hold.
+    What joints with the ground forbid is none of them: it would strain what they hold.  Nor is what springs
+    and stops on the ground resist, which stiffness has to guess.
 
     Attributes
     ----------
@@ -86,16 +91,16 @@ class Carrying:
 
     @classmethod
     def of(cls, system: System, bodies: Sequence[Body], at: Array) -> Carrying | None:
-        """Return those that joints allow at coordinates ``at`` (n_x,): of a constant, dense mass.
+        """Return those that nothing hinders at coordinates ``at`` (n_x,): of a constant, dense mass.
 
-        None is returned where they allow no turn, or others than vectors turn.
+        None is returned where that are no turns, or others than vectors turn.
         """
         *shifts, first, second, third = Turning.units(bodies, 3)
         x = np.arange(1.0, system.n_x + 1.0)[None]
         for unit, spin in zip((first, second, third), np.eye(3), strict=True):
             if not np.array_equal(unit.rates(x), _turned(spin, x)):
                 return None
-        ways = undriven(bodies, system.equations, at)
+        ways = _unresisted(undriven(bodies, system.equations, at), system.forces, bodies, at)
         straight = null_space(ways[:, 3:].T, 1.0).T @ ways
         if len(straight) == len(ways):
             return None
@@ -107,8 +112,7 @@ class Carrying:
     def along(self, q: Array, v: Array, a: Array, times: Array) -> Carried:
         """Carry a state (n,) on as its rates and accelerations say, by times (n_times,) [s].
 
-        Of the rigid motions that joints with the ground allow, that is the nearest to its rates; nothing is
-        carried where it hardly turns.
+        Of the rigid motions that is the nearest to its rates; nothing is carried where it hardly turns.
         """
         x = self.reduction.expand(q[None])
         turns = [self.reduction.free_rates(_turned(axis, x)) for axis in np.eye(3)]
@@ -169,6 +173,17 @@ class Carrying:
         found = inverse @ (scaled @ wanted)
         found = found + inverse @ (scaled @ (wanted - found @ unit))
         return np.asarray(found / sizes)
+
+
+def _unresisted(ways: Array, forces: Iterable[ForcePart], bodies: Sequence[Body], x: Array) -> Array:
+    """Return those of motions (k, 6) that change no length or angle which holds what moves to the ground."""
+    rates = ways @ np.concatenate([one.rates(x[None]) for one in Turning.units(bodies, 3)])
+    held = [part for part in forces if isinstance(part, Tie) and part.holds]
+    if not held or not len(ways):
+        return ways
+    here = np.zeros(len(ways)), np.repeat(x[None], len(ways), axis=0)
+    _, sizes, right = np.linalg.svd(np.array([part.rate(*here, rates) for part in held]))
+    return np.asarray(right[np.count_nonzero(sizes > HARDLY * np.abs(rates).max()) :] @ ways)
 
 
 def _turned(spin: Array, changes: Array) -> Array:

@@ -31,7 +31,9 @@ class Leading:
     def of(cls, chains: Sequence[IntArray], reduction: Reduction) -> Leading | None:
         """Return that of chains of places, columns of x (n_places, 3) each of which leads the next one.
 
-        None is returned where nothing leads, or all lead one another in a ring.
+        A chain begins at the ground or at a place of another one; what else it is tied to need not turn
+        along, as a ring in which a shaft turns, and does not lead.  None is returned where nothing leads, or
+        all lead one another in a ring.
         """
         n, basis = len(reduction.rows), reduction.basis
         number = np.full(len(reduction.offset), -1)
@@ -39,6 +41,8 @@ class Leading:
         before, after = (np.concatenate([one[part].ravel() for one in chains]) for part in (_LEADS, _LED))
         before, after = before[number[after] >= 0], number[after[number[after] >= 0]]
         led, column = basis[before].nonzero()
+        ours = np.isin(column, number[np.concatenate([one.ravel() for one in chains])])
+        led, column = led[ours], column[ours]
         if not len(led):
             return None
         every, rates = np.arange(n), np.asarray(basis[before[led], column]).ravel()

@@ -168,12 +168,14 @@ SERVO = "}, drive: {type: servo, between: [ground.here, arm.root], stiffness: 9,
         ("{type: rotational, between: [ground, arm], stiffness: 10.0}", "", False),
         ("{type: rotational, between: [ground, arm], damping: 10.0}", "", True),
         ("{type: two_point, between: [arm.tip, bob], stiffness: 10.0}", "", True),
+        ("{type: two_point, between: [ground.here, arm.tip], stiffness: 10.0}", "", True),
+        ("{type: two_point, between: [ground, arm.tip], stiffness: 10.0}", "", False),
         (None, ", stops: {upper: 1.0, stiffness: 100.0}", False),
         (None, ", friction: {torque: 1.0, velocity: 0.1}", True),
         (None, SERVO, True),
     ],
 )
-def test_nothing_is_carried_where_springs_or_stops_bear_on_the_ground(spring, joint, carried):
+def test_nothing_is_carried_that_springs_or_stops_on_the_ground_resist(spring, joint, carried):
     bob = ", bob: {type: rigid, mass: 1.0, inertia: [1.0, 1.0, 1.0]}}\njoints"
     text = SWINGING.replace("}\njoints", bob).replace("arm.root]}", f"arm.root]{joint}}}")
     text += "" if spring is None else f"springs: {{one: {spring}}}\n"

@@ -29,19 +29,21 @@ def test_relative_changes_are_those_from_place_to_place(sparse, rng):
 
 @pytest.mark.parametrize("sparse", [False, True])
 def test_a_chain_begins_where_its_first_place_is(sparse, rng):
-    """Its first place is half of the way between two others, as a point of another body may be."""
+    """That is half of the way between those of another chain, or of what is none and does not lead."""
     basis = np.eye(12)[:, 3:]
     basis[0:3, 3:6] = basis[0:3, 6:9] = 0.5 * np.eye(3)
     rows = np.arange(3, 12)
     reduction = Reduction.nothing(12, sparse)
     kind = type(reduction.basis) if sparse else np.asarray
     reduction = Reduction(kind(basis), np.zeros(12), frozenset(), np.zeros(0, dtype=np.intp), rows)
-    found = Leading.of([np.arange(6).reshape(2, 3)], reduction)
-    change = rng.normal(size=(1, 9))
+    one, other = np.arange(12).reshape(2, 2, 3)
+    found, change = Leading.of([one, other], reduction), rng.normal(size=(1, 9))
     expected = change.copy()
     expected[0, :3] -= 0.5 * (change[0, 3:6] + change[0, 6:9])
+    expected[0, 6:] -= change[0, 3:6]
     assert found.relative(change) == pytest.approx(expected, abs=1e-14)
     assert np.linalg.det(dense(found.matrix)) == pytest.approx(1.0)
+    assert Leading.of([one], reduction) is None
 
 
 @pytest.mark.parametrize("sparse", [False, True])
