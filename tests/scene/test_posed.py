@@ -99,6 +99,12 @@ def test_in_space_too(model):
     assert starting(SPATIAL, f"solve.model={model}") == pytest.approx(SPATIAL_STATED, abs=1e-12)
 
 
+@pytest.mark.parametrize("angle", [200.0, -400.0])
+def test_a_distance_has_no_full_turns(angle):
+    found = starting(SPATIAL, f"initial.rod.angle={angle} deg")
+    assert found[3:5] == pytest.approx([np.radians(angle), 0.1], abs=1e-12)
+
+
 @pytest.mark.filterwarnings("error")
 def test_next_to_no_angle_is_none():
     assert starting(SPATIAL, "initial.elbow.angle=1e-300")[2] == pytest.approx(0.0, abs=1e-12)

@@ -15,7 +15,7 @@ from hfsim.parts.channels._reaction import held_effort, joint_multipliers
 def _value(unit: str) -> Callable[[Samples, str], Array]:
     def value(samples: Samples, name: str) -> Array:
         measured = samples.scene.coordinate(name, unit).measured(samples.t, samples.x)[0]
-        near = samples.turns.get(name)
+        near = samples.turns.get(name) if unit == "rad" else None
         return measured if near is None else np.asarray(near + wrap(measured - near))
 
     return value
