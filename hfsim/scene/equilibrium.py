@@ -302,7 +302,7 @@ def why_not(scene: Assembled, t: float, found: Equilibrium) -> SolverFailure:
             remedy = "hfsim static with --model exact, or a smaller load"
             reason = f"{away.reason} and finds no rest"
             return SolverFailure(reason, t, away.item, "model", away.evidence, remedy, away.cause)
-    if found.limit is not None:
+    if found.limit:
         reason = f"the loads can be put on to {found.limit:.4g} of their size, and beyond no rest is found"
         remedy = "--path follows the load through its limit; --set changes a load"
         return SolverFailure(reason, t, evidence={"load": found.limit, "search": found.reason}, remedy=remedy)

@@ -94,6 +94,26 @@ def test_some_bodies_rest_and_the_others_stay_where_they_are():
     assert np.abs(left).max() < 1e-6
 
 
+LINKS = """
+hfsim: 1
+gravity: [0.0, -9.81]
+bodies:
+  b: {type: rigid, mass: 1.0, inertia: 0.1, points: {root: [-0.5, 0.0], tip: [0.5, 0.0]}}
+  c: {type: rigid, mass: 1.0, inertia: 0.1, points: {root: [-0.5, 0.0]}}
+joints:
+  pin: {type: revolute, between: [ground, b.root]}
+  hinge: {type: revolute, between: [b.tip, c.root]}
+initial: {equilibrium: [b]}
+solve: {duration: 0.1}
+"""
+
+
+def test_what_joints_hold_at_both_ends_is_refused():
+    """The link from the ground to a body that stays where it is."""
+    with pytest.raises(DeckError, match="no place of rest is found: joints hold the same more than once"):
+        build(parse_deck(LINKS))
+
+
 def without(*lines):
     return "\n".join(line for line in ARM.splitlines() if not any(word in line for word in lines))
 

@@ -116,7 +116,10 @@ def _first(problem: Problem, state: State, level: Level, metric: Matrix) -> tupl
     """Return the length of the first step; then the multipliers if what pushes is no more than rounding."""
     force, gap = problem.missing(state, level)
     J, whole = problem.jacobian(state), problem.gauge.whole
-    answer, change = Tangent(metric, J).solved(force, np.zeros_like(gap))
+    try:
+        answer, change = Tangent(metric, J).solved(force, np.zeros_like(gap))
+    except np.linalg.LinAlgError as error:
+        raise NotFoundError("joints hold the same more than once", state) from error
     x, push = problem.expand(state.z), problem.moved(answer)
     apart, _ = Tangent(whole, whole[:0]).solved(problem.force(x, level.load), np.zeros((1, 0)))
     if push <= NOTHING * problem.gauge.size(apart) and np.abs(gap).max(initial=0.0) <= CLOSED:
