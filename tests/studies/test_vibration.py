@@ -997,3 +997,15 @@ def test_one_slide_among_joints_that_hold_all_else_swings_as_by_itself():
     """Next to its eigenvalue hardly anything is left on the diagonal of what is solved there."""
     (found,) = hfsim.modes(parse_deck(SLIDE), about="equilibrium").modes
     assert found.value == pytest.approx(-2.875 + 1j * np.sqrt(200.0 - 2.875**2), rel=1e-12)
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_has_no_extent_is_drawn(tmp_path):
+    deck = tmp_path / "wheel.yaml"
+    body = "{type: rigid, mass: 1, inertia: 1}"
+    deck.write_text(
+        f"hfsim: 1\nname: wheel\nbodies: {{a: {body}}}\n"
+        "joints: {r: {type: revolute, between: [ground, a]}}\nsolve: {duration: 0.1}\n"
+    )
+    done = CliRunner().invoke(app, ["modes", str(deck), "-o", str(tmp_path / "out")])
+    assert done.exit_code == 0 and (tmp_path / "out" / "plots" / "modes.png").exists(), done.output

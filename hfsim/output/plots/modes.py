@@ -119,7 +119,7 @@ def _seen(points: Array, spatial: bool) -> Array:
 
 def _bounds(points: Array) -> tuple[Array, Array]:
     low, high = points.min(axis=0), points.max(axis=0)
-    longest = float((high - low).max())
+    longest = float((high - low).max()) or 1.0
     middle, half = 0.5 * (low + high), 0.5 * np.maximum(high - low, 0.3 * longest) + _MARGIN * longest
     return middle - half, middle + half
 
