@@ -264,8 +264,8 @@ def _present(path: Path, marker: str) -> list[str]:
 
 def _studies(path: Path) -> list[str]:
     """Return the files in a folder that tell of a run or a study, of whatever kind."""
-    every = sorted(file.name for file in path.glob("*.json"))
-    return [name for name in every if read_summary(path, name).get("versions")]
+    every = {file.name: read_summary(path, file.name).get("versions") for file in sorted(path.glob("*.json"))}
+    return [name for name, made in every.items() if isinstance(made, dict) and "hfsim" in made]
 
 
 def refuse_unwritable(path: Path) -> None:

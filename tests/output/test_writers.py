@@ -181,10 +181,11 @@ def test_force_replaces_results_of_any_kind_whole(tmp_path):
     save(tmp_path, make_run([1.0, 2.0]), plots=True)
     drawn = {f"plots/{one.name}" for one in (tmp_path / "plots").iterdir()}
     (tmp_path / "data.json").write_text(json.dumps({"versions": {}, "files": ["data.json"]}))
-    (tmp_path / "mine.json").write_text(json.dumps({"versions": {"x": 1}, "files": ["history.csv"]}))
+    (tmp_path / "mine.json").write_text(json.dumps({"versions": {"hfsim": "1"}, "files": ["history.csv"]}))
+    (tmp_path / "package.json").write_text(json.dumps({"versions": {"x": 1}, "files": ["package.json"]}))
     stale = set(claim(tmp_path, force=True, marker="race.json").stale)
     assert drawn and stale == {"history.csv", "summary.json", "resolved.yaml", "run.log", *drawn}
-    (tmp_path / "race.json").write_text(json.dumps({"versions": {"x": 1}, "files": ["race.json"]}))
+    (tmp_path / "race.json").write_text(json.dumps({"versions": {"hfsim": "1"}, "files": ["race.json"]}))
     assert set(claim(tmp_path, force=True).stale) == {*stale, "race.json"}
 
 
