@@ -61,15 +61,15 @@ def _set_entry(source: DeckSource, override: str, spec: type[Spec]) -> OverrideP
         return OverrideProblem(name, "is not UTF-8 text", file=option)
     if not equals or not name:
         return OverrideProblem(name, f"'{override}' is no override", "write KEY=VALUE", file=option)
+    if name.count("{") > name.count("}"):
+        message = "a pattern is named without its range"
+        return OverrideProblem(name, message, "bodies.blade{k}.length=2", file=option)
     if not value.strip():
         return OverrideProblem(name, "has no value", f"{name}=null takes it out", file=option)
     reader = parse(value)
     wrong = [reader] if isinstance(reader, DeckProblem) else reader.problems
     if isinstance(reader, DeckProblem) or wrong:
         return OverrideProblem(name, f"'{value}': {wrong[0].message}", wrong[0].hint, file=option)
-    if name.count("{") > name.count("}"):
-        message = "a pattern is named without its range"
-        return OverrideProblem(name, message, "bodies.blade{k}.length=2", file=option)
     path = source.path_of(name)
     goes = reader.data is None and not isinstance(entry_at(source.data, path[:-1]), list)
     known = goes and _may_stand(source.data, path, spec)

@@ -28,9 +28,9 @@ def repeat(source: DeckSource, values: Values) -> None:
     DeckError
         If that cannot be done: what follows from that is not worth telling.
     """
-    before, values.kinds = len(source.problems), "parameter or index"
+    before, values.kinds = len(source.failed), "parameter or index"
     _Repeating(source, values, len(source.value_marks)).fill(source.data, ())
-    if len(source.problems) > before:
+    if len(source.failed) > before:
         raise source.error({(one.path, one.message): one for one in source.problems}.values())
 
 
@@ -116,8 +116,9 @@ class _Repeating:
             return
         count = last - first + 1
         if not 0 <= count <= MOST_COPIES:
-            many = f"{count} copies are too many, at most {MOST_COPIES}"
-            self._refuse(path, many if count > 0 else f"{first}..{last} runs backwards", "", on_key)
+            many = f"{float(last) - first + 1.0:.10g} copies are too many, at most {MOST_COPIES}"
+            backwards = f"{first:.10g}..{last:.10g} runs backwards"
+            self._refuse(path, many if count > 0 else backwards, "", on_key)
             return
         for index in range(first, last + 1):
             self.entries += 1

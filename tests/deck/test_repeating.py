@@ -132,6 +132,8 @@ def test_tables_of_copies_take_columns_by_the_index(tmp_path):
         ("push{k=1..n}", "push{k=4..1}", "loads.push{k=4..1}: 4..1 runs backwards"),
         ("push{k=1..n}", "push{k=1..n/2}", "n/2 must be a whole number, not 1.5"),
         ("push{k=1..n}", "push{k=1..1e9}", "1000000000 copies are too many, at most 10000"),
+        ("push{k=1..n}", "push{k=-1.7e308..1.7e308}", "inf copies are too many"),
+        ("push{k=1..n}", "push{k=1..-1e300}", "1..-1e+300 runs backwards"),
         ("push{k=1..n}", "push{i=1..9999}{k=1..9999}", "more than 100000 entries in all"),
         ("push{k=1..n}", "push{i=1..11}{k=1..11}", "'push111' is there twice"),
         ("hub: {", "blade2: {", "11:3: error: bodies.blade{k=1..n}: 'blade2' is there twice"),
@@ -159,12 +161,18 @@ def test_what_is_wrong_in_all_copies_is_told_once():
     assert "bodies.blade1.lenght: unknown key (at k = 1)" in message
 
 
+def test_nothing_follows_from_a_count_that_is_wrong():
+    message = refusals(ROTOR.replace("n: 3", 'n: 3, m: "${q}"').replace("blade{k=1..n}:", "blade{k=1..m}:"))
+    assert "parameters.m: there is no parameter 'q'" in message and "1 error." in message
+
+
 @pytest.mark.parametrize(
     ("override", "told"),
     [
         ("bodies.blade9.length=1", "there is no bodies.blade9 in the deck"),
         ("bodies.blad{k}.length=1", "did you mean 'blade{k}'?"),
         ("bodies.blade{k=1..n}.length=1", "a pattern is named without its range"),
+        ("bodies.blade{k=1..n}={type: rigid, mass: 1}", "a pattern is named without its range"),
         ("bodies.blade{k}.length=-1", "--set: error: bodies.blade1.length: must be greater than 0"),
         ("parameters.m=3", "no expression uses it"),
     ],
