@@ -190,7 +190,9 @@ def _settle(start: Start, place: Stated) -> tuple[dict[str, Turn], Branches]:
 
 
 def _count_on(start: Start, place: Stated) -> None:
-    """Add full turns to angles that are not stated, in the plane, where joints and drivers fix so many."""
+    """Add full turns to angles in the plane where joints and drivers fix so many: where they are not stated,
+    or those of joints are, beside which bodies are guesses.
+    """
     turns = place.values.reshape(len(start.names), -1)[:, start.n_dim :]
     free = (place.open & start.linkage.turning).reshape(turns.shape[0], -1)[:, -1]
     owner, ties = start.linkage.owner, start.ties if start.n_dim == 2 else ()
@@ -199,10 +201,10 @@ def _count_on(start: Start, place: Stated) -> None:
         for tie in ties:
             a, b = map(owner, tie.ends)
             more = np.round((tie.target(AT_START) - tie.gap(place.values[None])[0]) / TURN) * TURN
-            if b is not None and free[b]:
-                turns[b] += more
-            elif a is not None and free[a]:
-                turns[a] -= more
+            ends = [(k, sign) for k, sign in ((b, 1.0), (a, -1.0)) if k is not None]
+            able = [end for end in ends if free[end[0]]] or (ends if tie.item.startswith("initial.") else [])
+            for k, sign in able[:1]:
+                turns[k] += sign * more
         if (turns == before).all():
             break
 

@@ -132,6 +132,12 @@ def test_an_angle_beyond_half_a_turn_where_nothing_says_how_its_bodies_stand():
     assert starting(FOUR_BAR, "initial={b: {angle: 300 deg}}")[1] == pytest.approx(np.radians(300.0), abs=1e-12)
 
 
+@pytest.mark.parametrize("body", ["upper", "lower"])
+def test_bodies_are_guesses_beside_full_turns_of_joints(body):
+    angle = {"upper": -330.0, "lower": 70.0}[body]
+    assert starting(ARM, f"initial.{body}.angle={angle} deg") == pytest.approx(STATED, abs=1e-12)
+
+
 def test_free_motions_are_those_without_what_is_stated():
     told = {(one.body, one.kind) for one in build(parse_deck(ARM, "arm.yaml")).free_motions}
     assert told == {("upper", "turns"), ("lower", "turns"), ("slide", "slides")}
