@@ -156,7 +156,8 @@ def make_plan(
     folders = {model: claim(path / folder_name(model, ""), force) for model in prepared.decks}
     before = read_summary(path, "compare.json").get("models")
     ran = set(before) & set(MODELS) if isinstance(before, dict) else ()
-    there = [path / model for model in sorted(ran) if (path / model).is_dir()]
+    # a link leads to what was put elsewhere on purpose
+    there = [one for model in sorted(ran) if (one := path / model).is_dir() and not one.is_symlink()]
     study = Study("compare", talk, own, to.plots, about, to.format)
     return Plan(argument, tuple(overrides), prepared, study, folders, [claim(one, force) for one in there])
 

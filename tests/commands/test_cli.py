@@ -364,6 +364,15 @@ def test_compare_leaves_no_run_of_a_model_that_is_compared_no_more(scene):
     assert not Path("case.compare/ancf").exists() and not Path("case.compare/exact").exists()
 
 
+def test_compare_leaves_what_a_link_leads_to(scene):
+    call("compare", "linear", "ancf", "--no-plots")
+    moved = Path("case.compare/ancf").rename("elsewhere")
+    Path("case.compare/ancf").symlink_to(moved.absolute())
+    before = files("elsewhere")
+    assert call("compare", "linear", "--force", "--no-plots").exit_code == 0
+    assert before and files("elsewhere") == before
+
+
 def test_compare_takes_the_shipped_scene_where_no_case_is(scene, monkeypatch, tmp_path):
     (tmp_path / "shipped").mkdir()
     (tmp_path / "shipped/two_beams.yaml").write_text("two_beams")
