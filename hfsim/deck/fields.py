@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import operator
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Annotated, Any
 
@@ -321,10 +321,10 @@ EmptyAllowed = Before(_empty_map)
 
 
 class NamesOf:
-    """Marks a map with keys of a meaning: names of another map of the deck, and words."""
+    """Marks a map with keys of a meaning: names of other maps of the deck, and words."""
 
-    def __init__(self, names: str, *words: str) -> None:
-        self.names, self.words = names, words
+    def __init__(self, maps: Sequence[str], *words: str) -> None:
+        self.maps, self.words = maps, words
 
 
 Points = Annotated[dict[Name, LengthVector], EmptyAllowed]

@@ -119,7 +119,7 @@ def _keys_at(data: dict[str, Any], path: Path, spec: type[Spec]) -> set[Any]:
     info = _field_at(spec, path[0]) if len(path) == 1 else None
     for mark in info.metadata if info else ():
         if isinstance(mark, NamesOf):
-            found |= {*mark.words, *(data.get(mark.names) or ())}
+            found |= {*mark.words, *(name for one in mark.maps for name in data.get(one) or ())}
     return found
 
 

@@ -251,7 +251,7 @@ class Deck(Spec):
     """Forces and moments from outside."""
 
     initial: Annotated[
-        dict[Name, AnyInitial], EmptyAllowed, NamesOf("bodies", AT_REST, STEADY)
+        dict[Name, AnyInitial], EmptyAllowed, NamesOf(("bodies", "joints"), AT_REST, STEADY)
     ] = Field(default_factory=dict)
     """Initial motion, by body; equilibrium: true, or a list of bodies, starts these from where they rest;
     steady: a body and its rate starts from steady rotation."""

@@ -592,6 +592,7 @@ def test_null_takes_nothing_out_that_no_deck_has():
     "path",
     [
         "initial.steady", "initial.equilibrium", "initial.steady.rate", "initial.arm", "initial.arm.angle",
+        "initial.pin", "initial.pin.angular_velocity",
         "solve.method", "output.snapshots", "joints.pin.stops.stiffness", "verify.grade", "sweep.vary",
     ],
 )  # fmt: skip
