@@ -71,6 +71,8 @@ def _set_entry(source: DeckSource, override: str, spec: type[Spec]) -> OverrideP
     if isinstance(reader, DeckProblem) or wrong:
         return OverrideProblem(name, f"'{value}': {wrong[0].message}", wrong[0].hint, file=option)
     path = source.path_of(name)
+    if _is_of_several(source.data, name, path):
+        return OverrideProblem(name, "several patterns are called so", "name copies, blade2", file=option)
     goes = reader.data is None and not isinstance(entry_at(source.data, path[:-1]), list)
     known = goes and _may_stand(source.data, path, spec)
     if not known and (why := why_unset(source.data, name, spec)):
@@ -88,6 +90,15 @@ def _set_entry(source: DeckSource, override: str, spec: type[Spec]) -> OverrideP
     parent[path[-1]] = reader.data
     source.overridden[path] = option
     return None
+
+
+def _is_of_several(data: Any, name: str, path: Path) -> bool:
+    """Tell whether a part of a dotted name is that of several patterns, which differ in their ranges."""
+    for depth, word in enumerate(name.split(".")):
+        around = entry_at(data, path[:depth]) if "{" in word else None
+        if isinstance(around, dict) and [without_ranges(key) for key in around].count(word) > 1:
+            return True
+    return False
 
 
 def _take_out(source: DeckSource, path: Path, place: OverrideProblem, known: bool) -> OverrideProblem | None:

@@ -181,6 +181,15 @@ def test_overrides_that_cannot_be(override, told):
     assert told in refusals(ROTOR, [override])
 
 
+def test_no_pattern_is_set_where_several_are_called_so():
+    first = "push{k=1..1}: {type: force, at: blade1.tip, force: [0, 1]}"
+    text = ROTOR.replace("push{k=1..n}:", f"{first}\n  push{{k=2..n}}:")
+    told = refusals(text, ["loads.push{k}.force=[1, 0]"])
+    assert "loads.push{k}.force: several patterns are called so" in told
+    deck = parse_deck(text, overrides=["loads.push1.force=[1, 0]"]).deck
+    assert deck.loads["push1"].force == (1.0, 0.0)
+
+
 def test_no_pattern_is_set_where_copies_are_written_out():
     assert "the deck has no such pattern" in refusals(WRITTEN_OUT, ["bodies.blade{k}.length=1"])
 
