@@ -175,7 +175,7 @@ class DeckSource:
 
     def option_of(self, path: Path) -> str:
         """Return the option that set the entry or something that contains it; empty where none did."""
-        both = dict.fromkeys((path, self.written(path)))
+        both = dict.fromkeys((self._counted(path), self.written(path)))
         there = (self.overridden.get(one[:depth]) for one in both for depth in range(1, len(path) + 1))
         return next(filter(None, there), "")
 
@@ -184,6 +184,11 @@ class DeckSource:
         if not self.patterns:
             return path
         return tuple(self.patterns.get(path[: depth + 1], step) for depth, step in enumerate(path))
+
+    def _counted(self, path: Path) -> Path:
+        """Return the path with entries of lists counted as in the file."""
+        both = zip(path, self.written(path), strict=True)
+        return tuple(there if isinstance(there, int) else own for own, there in both)
 
     def once(self, complaints: Iterable[_Complaint]) -> Iterator[_Complaint]:
         """Yield complaints; of those at one place of a pattern the first."""
@@ -224,8 +229,7 @@ class DeckSource:
         if which := ", ".join(f"{name} = {value:g}" for one in copies for name, value in one.items()):
             message += f" (at {which})"
         mark = self.mark(path, on_key)
-        both = zip(path, self.written(path), strict=True)
-        name = dotted(there if isinstance(there, int) else own for own, there in both)
+        name = dotted(self._counted(path))
         if self.is_overridden(path) or mark is None:
             return OverrideProblem(name, message, hint, file=self.option_of(path))
         return DeckProblem(name, message, hint, *mark)

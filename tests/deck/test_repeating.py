@@ -181,6 +181,12 @@ def test_overrides_that_cannot_be(override, told):
     assert told in refusals(ROTOR, [override])
 
 
+def test_an_entry_of_a_list_is_set_by_its_place_in_the_file():
+    text = ROTOR.replace("{k=1..n}.tip.x", "{k=n..n+1}.tip.x")
+    told = refusals(text, ["output.channels.2=hub.x"])
+    assert "23:48: error: output.channels.1: there is no body, joint or spring 'blade4'" in told
+
+
 def test_no_pattern_is_set_where_several_are_called_so():
     first = "push{k=1..1}: {type: force, at: blade1.tip, force: [0, 1]}"
     text = ROTOR.replace("push{k=1..n}:", f"{first}\n  push{{k=2..n}}:")
