@@ -30,6 +30,8 @@ _LOOK = 5.0
 """Time between two looks at how many workers there are [s]."""
 _POLL = 0.005
 """Time between two looks for results, of which as many again are under way [s]."""
+_ANEW = ("lost", "pending")
+"""States of a job whose result was lost with its worker: the scheduler has it computed anew."""
 _LOUD = ("distributed", "tornado", "asyncio")
 """Whose messages are not of hfsim."""
 _ONE_RUN = threading.Lock()
@@ -187,6 +189,9 @@ class Cluster(Executor):
                     time.sleep(_POLL)
                     continue
                 future = next(pool)
+                if future.status in _ANEW:
+                    pool.add(future)
+                    continue
                 _, task = under_way.pop(future.key)
                 yield from self._taken(future, task)
         finally:
