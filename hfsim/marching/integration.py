@@ -229,6 +229,7 @@ def _carrying_of(scene: Scene) -> Carrying | None:
     if is_sparse(system.equations.constant_mass):
         return None
     from hfsim.mechanics.carrying import Carrying
+
     return Carrying.of(system, tuple(scene.bodies.values()), system.absolute(scene.q[None])[0])
 
 

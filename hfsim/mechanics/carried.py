@@ -15,14 +15,12 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray, Places, run_of
 from hfsim.maths.frozen import frozen
-from hfsim.maths.rotations import cross
+from hfsim.maths.rotations import cross, skew
 from hfsim.maths.traced import changeable
 from hfsim.mechanics.leading import Leading
 from hfsim.mechanics.reduction import Reduction
 
 _NONE = np.zeros((0, 2, 3), dtype=np.intp)
-_WHIRL = cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2).reshape(3, 9)
-"""With it a vector makes the matrix (3, 3) that is the cross product with it."""
 _OPPOSITE = 1e-14
 """What keeps the axis finite about which a direction turns to its opposite."""
 
@@ -111,9 +109,7 @@ class CarriedIncrements:
     @classmethod
     def of(cls, parts: Sequence[Carried], reduction: Reduction) -> CarriedIncrements:
         """Return the increments of the free coordinates of a reduction."""
-        number = np.full(len(reduction.offset), -1)
-        number[reduction.rows] = np.arange(len(reduction.rows))
-        vectors = number[np.concatenate([part.vectors for part in parts])]
+        vectors = reduction.numbers[np.concatenate([part.vectors for part in parts])]
         sections, directions = (
             np.concatenate([getattr(part, name) for part in parts]) for name in ("sections", "directions")
         )
@@ -191,7 +187,5 @@ def _unit(vectors: Array) -> Array:
 def _turned(before: Array, after: Array) -> Array:
     """Return the rotations (n_batch, n, 3, 3) that turn unit vectors into others, the shortest way."""
     axis, cosine = cross(before, after), np.sum(before * after, axis=-1)[..., None, None]
-    whirl = (axis @ _WHIRL).reshape(*axis.shape, 3)
-    return np.asarray(
-        cosine * np.eye(3) + whirl + axis[..., None] * axis[..., None, :] / (1.0 + _OPPOSITE + cosine)
-    )
+    outer = axis[..., None] * axis[..., None, :]
+    return np.asarray(cosine * np.eye(3) + skew(axis) + outer / (1.0 + _OPPOSITE + cosine))

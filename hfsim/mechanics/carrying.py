@@ -77,7 +77,7 @@ class Carrying:
     shifts : ndarray, shape (3, n)
         Changes of the free coordinates by shifts along the axes of the ground.
     ways : ndarray, shape (k, 6)
-        Velocities and spins of the motions that joints with the ground allow, shifts first.
+        Velocities and spins of the motions that nothing hinders, shifts first.
     straight : int
         How many of them are shifts.
     mass : ndarray, shape (n, n)
@@ -93,21 +93,20 @@ class Carrying:
     def of(cls, system: System, bodies: Sequence[Body], at: Array) -> Carrying | None:
         """Return those that nothing hinders at coordinates ``at`` (n_x,): of a constant, dense mass.
 
-        None is returned where that are no turns, or others than vectors turn.
+        None is returned where no turn is among them, or others than vectors turn.
         """
-        *shifts, first, second, third = Turning.units(bodies, 3)
-        x = np.arange(1.0, system.n_x + 1.0)[None]
-        for unit, spin in zip((first, second, third), np.eye(3), strict=True):
+        units, x = Turning.units(bodies, 3), np.arange(1.0, system.n_x + 1.0)[None]
+        for unit, spin in zip(units[3:], np.eye(3), strict=True):
             if not np.array_equal(unit.rates(x), _turned(spin, x)):
                 return None
-        ways = _unresisted(undriven(bodies, system.equations, at), system.forces, bodies, at)
+        rates = np.concatenate([one.rates(at[None]) for one in units])
+        ways = _unresisted(undriven(system.equations, at, rates), system.forces, at, rates)
         straight = null_space(ways[:, 3:].T, 1.0).T @ ways
         if len(straight) == len(ways):
             return None
         turns = null_space(straight @ ways.T, 1.0).T @ ways
-        rates = np.concatenate([one.rates(x) for one in shifts])
-        free, mass = system.reduction.free_rates(rates), system.equations.free_mass
-        return cls(system.reduction, free, np.concatenate([straight, turns]), len(straight), mass)
+        shifts, mass = system.reduction.free_rates(rates[:3]), system.equations.free_mass
+        return cls(system.reduction, shifts, np.concatenate([straight, turns]), len(straight), mass)
 
     def along(self, q: Array, v: Array, a: Array, times: Array) -> Carried:
         """Carry a state (n,) on as its rates and accelerations say, by times (n_times,) [s].
@@ -175,13 +174,12 @@ class Carrying:
         return np.asarray(found / sizes)
 
 
-def _unresisted(ways: Array, forces: Iterable[ForcePart], bodies: Sequence[Body], x: Array) -> Array:
+def _unresisted(ways: Array, forces: Iterable[ForcePart], x: Array, units: Array) -> Array:
     """Return those of motions (k, 6) that change no length or angle which holds what moves to the ground."""
-    rates = ways @ np.concatenate([one.rates(x[None]) for one in Turning.units(bodies, 3)])
     held = [part for part in forces if isinstance(part, Tie) and part.holds]
     if not held or not len(ways):
         return ways
-    here = np.zeros(len(ways)), np.repeat(x[None], len(ways), axis=0)
+    rates, here = ways @ units, (np.zeros(len(ways)), np.repeat(x[None], len(ways), axis=0))
     _, sizes, right = np.linalg.svd(np.array([part.rate(*here, rates) for part in held]))
     return np.asarray(right[np.count_nonzero(sizes > HARDLY * np.abs(rates).max()) :] @ ways)
 

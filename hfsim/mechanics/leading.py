@@ -12,8 +12,6 @@ from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, Matrix, assemble, factorised, is_sparse
 from hfsim.mechanics.reduction import Reduction
 
-_LEADS, _LED = slice(None, -1), slice(1, None)
-
 
 @frozen
 class Leading:
@@ -35,11 +33,10 @@ class Leading:
         along, as a ring in which a shaft turns, and does not lead.  None is returned where nothing leads, or
         all lead one another in a ring.
         """
-        n, basis = len(reduction.rows), reduction.basis
-        number = np.full(len(reduction.offset), -1)
-        number[reduction.rows] = np.arange(n)
-        before, after = (np.concatenate([one[part].ravel() for one in chains]) for part in (_LEADS, _LED))
-        before, after = before[number[after] >= 0], number[after[number[after] >= 0]]
+        n, basis, number = len(reduction.rows), reduction.basis, reduction.numbers
+        before = np.concatenate([one[:-1].ravel() for one in chains])
+        after = number[np.concatenate([one[1:].ravel() for one in chains])]
+        before, after = before[after >= 0], after[after >= 0]
         led, column = basis[before].nonzero()
         ours = np.isin(column, number[np.concatenate([one.ravel() for one in chains])])
         led, column = led[ours], column[ours]

@@ -47,6 +47,13 @@ class Reduction:
         basis = assemble([Entries(every, every, np.ones(n))], (n, n), sparse)
         return cls(basis, np.zeros(n), frozenset(), np.zeros(0, dtype=np.intp), every)
 
+    @cached_property
+    def numbers(self) -> IntArray:
+        """Which free coordinate stands for each one, (n_x,); -1 where none does."""
+        found = np.full(len(self.offset), -1)
+        found[self.rows] = np.arange(len(self.rows))
+        return found
+
     def part(self, free: BoolArray, z: Array) -> Reduction:
         """Return the map from some of the free coordinates, the others being held at those of z (1, n_z)."""
         held = self.expand(np.where(free, 0.0, z))[0]

@@ -112,7 +112,9 @@ class Turning:
 
         None is returned where they allow none, or several.
         """
-        n_dim, free = bodies[0].n_dim, undriven(bodies, equations, x)
+        n_dim = bodies[0].n_dim
+        units = np.concatenate([one.rates(x[None]) for one in cls.units(bodies, n_dim)])
+        free = undriven(equations, x, units)
         if len(free) != 1 or not np.linalg.norm(free[0, n_dim:]) > SINGULAR:
             return None
         velocity, spin = np.split(free[0] / np.linalg.norm(free[0, n_dim:]), [n_dim])
@@ -268,13 +270,13 @@ class Turning:
         return self.turned(changes, angle) - self.turned(0.0 * changes[:1], angle)
 
 
-def undriven(bodies: Sequence[Body], equations: Equations, x: Array) -> Array:
+def undriven(equations: Equations, x: Array, rates: Array) -> Array:
     """Return velocities and spins (k, n_freedoms) of rigid motions that joints allow, at x (n_x,).
 
-    Drivers are no hindrance: what they drive may move.
+    Rates (n_freedoms, n_x) are those of `Turning.units` there.  Drivers hinder nothing: what they drive may
+    move.
     """
     reduction = equations.reduction
-    rates = np.array([one.rates(x[None])[0] for one in Turning.units(bodies, bodies[0].n_dim)])
     free = np.ones(equations.n_rows, dtype=bool)
     for constraint, rows in zip(equations.constraints, equations.rows, strict=True):
         free[rows] = not constraint.driven
