@@ -26,11 +26,12 @@ def repeat(source: DeckSource, values: Values) -> None:
     Raises
     ------
     DeckError
-        If that cannot be done: what follows from that is not worth telling.
+        If names are missing: what follows from that is not worth telling.
     """
-    before, values.kinds = len(source.failed), "parameter or index"
-    _Repeating(source, values, len(source.value_marks)).fill(source.data, ())
-    if len(source.failed) > before:
+    values.kinds = "parameter or index"
+    work = _Repeating(source, values, len(source.value_marks))
+    work.fill(source.data, ())
+    if work.nameless:
         raise source.error({(one.path, one.message): one for one in source.problems}.values())
 
 
@@ -42,11 +43,14 @@ class _Repeating:
     ----------
     entries : int
         How many the deck has by now.
+    nameless : bool
+        Whether an entry has no name, as that is wrong.
     """
 
     source: DeckSource
     values: Values
     entries: int
+    nameless: bool = False
 
     def fill(self, data: Any, path: Path) -> None:
         """Put copies in place of the patterns in a map or a list, and in those inside."""
@@ -149,6 +153,7 @@ class _Repeating:
 
     def _whole(self, path: Path, text: str, part: tuple[int, int], on_key: bool) -> int | None:
         value = self.values.value(path, text, part, on_key)
+        self.nameless |= on_key and value is None
         if value is not None and not value.is_integer():
             piece = text[slice(*part)].strip()
             self._refuse(path, f"{piece} must be a whole number, not {value:g}", "", on_key)
@@ -156,4 +161,5 @@ class _Repeating:
         return None if value is None else int(value)
 
     def _refuse(self, path: Path, message: str, hint: str, on_key: bool) -> None:
+        self.nameless |= on_key
         self.source.fail(path, self.source.problem(path, message, hint, on_key))

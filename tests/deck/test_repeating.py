@@ -161,6 +161,13 @@ def test_what_is_wrong_in_all_copies_is_told_once():
     assert "bodies.blade1.lenght: unknown key (at k = 1)" in message
 
 
+def test_what_else_is_wrong_is_told_with_braces_of_texts():
+    text = ROTOR.replace("hub.p{k}", "hub.p{q}").replace("type: beam", "type: baem")
+    told = refusals(text.replace("revolute", "revolut"))
+    assert told.count("error: ") == 3
+    assert "parameter or index 'q'" in told and "'baem'" in told and "'revolut'" in told
+
+
 def test_nothing_follows_from_a_count_that_is_wrong():
     message = refusals(ROTOR.replace("n: 3", 'n: 3, m: "${q}"').replace("blade{k=1..n}:", "blade{k=1..m}:"))
     assert "parameters.m: there is no parameter 'q'" in message and "1 error." in message
