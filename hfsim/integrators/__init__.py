@@ -5,7 +5,7 @@ from __future__ import annotations
 from pkgutil import resolve_name
 
 from hfsim.integrators._base import Attempt, Integrator, Limits, Method, Options, Stability, Stepper
-from hfsim.integrators._loop import Stepping, integrate
+from hfsim.integrators._loop import Stepping
 from hfsim.integrators._memory import Memory, packed, part_of
 from hfsim.integrators._often import Recordings
 from hfsim.integrators._problem import Counts, PlainIncrements, Problem
@@ -67,7 +67,6 @@ __all__ = [
     "Stepping",
     "Trajectory",
     "choose",
-    "integrate",
     "integrator",
     "joined",
     "packed",

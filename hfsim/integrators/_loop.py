@@ -25,32 +25,6 @@ AHEAD = 1e-4
 """Length of a step, relative to the duration, up to which what lies at its end is to blame."""
 
 
-def integrate(
-    problem: Problem,
-    method: Method,
-    start: tuple[float, Array, Array],
-    t_end: float,
-    limits: Limits,
-    watch: Watch,
-) -> tuple[Trajectory, HfsimError | KeyboardInterrupt | None]:
-    """Make all steps of a `Stepping`, whose arguments these are.
-
-    Returns
-    -------
-    trajectory : Trajectory
-        All kept steps, also those before a failure.
-    stop : exception or None
-        What ended the run before ``t_end``: `SolverFailure`, `LimitReached` or KeyboardInterrupt.
-    """
-    stepping = Stepping(problem, method, start, t_end, limits, watch)
-    try:
-        for _ in stepping:
-            pass
-    except KeyboardInterrupt as between:
-        return stepping.path, between
-    return stepping.path, stepping.stop
-
-
 class Stepping:
     """The steps from a state to a time, each made when it is asked for.
 

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from integrated import integrate
 from integrators.test_integrators import FREE, oscillator, problem_of, run
 
-from hfsim.integrators import Limits, Problem, integrate
+from hfsim.integrators import Limits, Problem
 from hfsim.integrators._iteration import Place
 from hfsim.integrators._nystrom import Step, _alone, _public, order_6, order_8
 from hfsim.integrators._trajectory import Segment

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from integrated import integrate
 
 from hfsim.errors import LimitReached, SolverFailure
-from hfsim.integrators import Limits, Problem, Segment, Trajectory, _trajectory, integrate
+from hfsim.integrators import Limits, Problem, Segment, Trajectory, _trajectory
 from hfsim.integrators._tableau import gauss, legendre, radau
 from hfsim.integrators._trajectory import two_point_series
 from hfsim.integrators.collocation import CollocationMethod, CollocationStepper

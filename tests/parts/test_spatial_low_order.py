@@ -10,9 +10,10 @@ import pytest
 import yaml
 from analytical import jacobian
 from blades import AT_REST, CORIOLIS, FLAP, GROWTH_LINEAR, LAG, LAG_LINEAR, frequencies, off, spectrum
+from integrated import integrate
 from solved import solved as solution
 
-from hfsim.integrators import Limits, integrate
+from hfsim.integrators import Limits
 from hfsim.integrators._tableau import gauss, radau
 from hfsim.integrators.collocation import CollocationMethod
 from hfsim.integrators.gear import Gear

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from integrated import integrate
 from mechanisms import bricard
 from scipy.integrate import quad
 from zoo import DEAD_CENTRE
@@ -16,7 +17,7 @@ from zoo import DEAD_CENTRE
 from hfsim.cli import app
 from hfsim.deck import units
 from hfsim.errors import DeckError, SolverFailure
-from hfsim.integrators import Limits, Problem, _pace, integrate
+from hfsim.integrators import Limits, Problem, _pace
 from hfsim.integrators.collocation import CollocationStepper
 from hfsim.integrators.explicit import Explicit
 from hfsim.marching.culprit import non_finite
