@@ -30,7 +30,7 @@ number. Names in maps and texts in lists may be patterns (`blade{k=1..4}`). `-`:
 """
 SHARED = {
     **{"orientation": "Orientations", "law": "Laws of time"},
-    **{"friction": "Friction in joints", "stops": "Stops of joints"},
+    **{"friction": "Friction in joints", "stops": "Stops of joints", "latch": "Latches of joints"},
 }
 """What many entries have: the section that tells of it."""
 SPECIAL = {
@@ -103,6 +103,8 @@ def family(schema: dict[str, Any]) -> str:
         return "stops"
     if len(every) == 1 and set(every[0]["properties"]) in ({"law", "torque", "velocity"}, {"law", "force", "velocity"}):
         return "friction"
+    if len(every) == 1 and set(every[0]["properties"]) in [{one, "stiffness", "damping"} for one in ("angle", "distance")]:
+        return "latch"
     return "law" if len(every) > 1 and "rate" in str(every) and {"type": "number"} in schema["anyOf"] else ""
 
 
@@ -123,9 +125,11 @@ def told(schema: dict[str, Any], entries: list[Any], name: str) -> Iterator[str]
 
 
 def _of(kind: dict[str, Any]) -> str:
-    """Return what friction or stops resist; empty for all else."""
+    """Return what friction, stops or latches resist; empty for all else."""
     properties = kind["properties"]
     rate = properties.get("lower") or (properties.get("velocity") if len(properties) == 3 else None)
+    if len(properties) == 3 and "stiffness" in properties:
+        rate = properties.get("angle") or properties.get("distance")
     return "" if rate is None else "of turns" if "[rad" in rate["description"] else "of shifts"
 
 

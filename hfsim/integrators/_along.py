@@ -11,7 +11,6 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.tape import Program, Tape
 from hfsim.maths.traced import plain
 from hfsim.mechanics.counting import Turns
-from hfsim.mechanics.edges import meets
 
 LOOK, COUNT = "look", "count"
 """Programs, in the order in which they are recorded: look along a step, and count turns up to its end."""
@@ -94,5 +93,5 @@ def looked(problem: Problem, place: Place, series: Array, *end: Array) -> tuple[
         seen = turns.looked(*step, *end)
         farthest = np.asarray(seen[:, :2].max())
     if edges:
-        farthest = np.maximum(farthest, BEYOND * meets(edges.looked(*step)))
+        farthest = np.maximum(farthest, BEYOND * edges.met(*step))
     return seen, farthest

@@ -128,11 +128,11 @@ class Stepping:
         path, problem, stepper = self.path, self._problem, self._stepper
         state = {"t": path.t_end, "q": path.q, "v": path.v, "methods": tuple(path.methods)}
         kept = {"state": state.copy, "pace": self._pace.kept(), "counts": problem.counts.kept()}
-        kept |= {"often": problem.often.kept(), "stepper": dict, "turns": dict}
+        kept |= {"often": problem.often.kept(), "stepper": dict, "turns": dict, "edges": dict}
         if stepper is not None:
             own, wish, reach = stepper.kept(), self._wish, self._reach
             kept["stepper"] = lambda: {"wish": wish, "reach": reach} | own()
-            kept["turns"] = problem.turns.kept()
+            kept["turns"], kept["edges"] = problem.turns.kept(), problem.edges.kept()
         return kept
 
     def _drop_unkept(self) -> None:
@@ -144,6 +144,7 @@ class Stepping:
         self._problem.often.recall(self._kept["often"]())
         if turns := self._kept["turns"]():
             self._problem.turns.recall(turns["now"])
+        self._problem.edges.recall(self._kept["edges"]())
 
     def _step(self) -> None:
         """Make attempts until a step is kept; raise what prevents that."""
@@ -220,8 +221,10 @@ class Stepping:
         remembered, turns, path = self._kept["stepper"](), self._problem.turns, self.path
         if remembered:
             turns.recall(self._kept["turns"]()["now"])
+            self._problem.edges.recall(self._kept["edges"]())
         else:
             turns.start(path.t_end, path.q, path.v)
+            self._problem.edges.start(path.t_end, path.q)
         stepper = self._started()
         self._wish = stepper.first
         if remembered:
@@ -321,6 +324,8 @@ class Stepping:
         path.t_end, path.q, path.v = t, attempt.q, attempt.v
         self._problem.turns.keep(t)
         self._behind_break = False
+        if self._problem.edges.keep(t, path.q):
+            self._wish = self._restarted().first
         self._rechart()
         self._problem.often.expect(t, h, self._wish)
         self._kept = self._memories()

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from hfsim.integrators import integrator
 from hfsim.marching.integration import Leg
+from hfsim.mechanics.force import ForcePart
 
 _SUMS = (
     *("steps", "rejected", "newton_iterations", "evaluations", "evaluation_calls", "factorisations"),
@@ -32,8 +35,15 @@ def leg_statistics(leg: Leg) -> dict[str, Any]:
         **_numbers(leg.done.trajectory.numbers),
         "models": leg.scene.models,
         "assembly": leg.scene.assembly.facts(),
+        **_caught(system.forces),
         **leg.record.balance.facts(),
     }
+
+
+def _caught(forces: Sequence[ForcePart]) -> dict[str, Any]:
+    """Return when each latch caught [s], None of open ones, by what has it."""
+    found = {part.item: float(one.since[0]) for part in forces for one in part.latches}
+    return {"latches": {item: t if np.isfinite(t) else None for item, t in found.items()}} if found else {}
 
 
 def joined(parts: Sequence[dict[str, Any]]) -> dict[str, Any]:

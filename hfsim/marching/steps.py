@@ -151,6 +151,7 @@ class Together:
         path.segments += steps
         path.t_end = t
         self.problem.turns.along(steps, (t, path.q, path.v))
+        self.problem.edges.along(steps, (t, path.q))
         for part, _ in paths:
             part.segments = [step for step in part.segments if step.t + step.h > t]
 
@@ -158,6 +159,7 @@ class Together:
         """Return all that the next step depends on."""
         own = {"t": np.array(self.path.t_end), "q": self.path.q, "v": self.path.v}
         own["turns"] = self.problem.turns.memory()
+        own |= packed({"edges": self.problem.edges.kept()()})
         for k, strand in enumerate(self._strands):
             ahead = packed({"ahead": _arrays(strand.steps.path)})
             own |= packed({str(k): strand.steps.memory() | ahead})
@@ -168,6 +170,7 @@ class Together:
         t = float(memory["t"])
         self.path = Trajectory(t, t, memory["q"], memory["v"])
         self.problem.turns.recall(memory["turns"])
+        self.problem.edges.recall(part_of(memory, "edges"))
         for k, strand in enumerate(self._strands):
             own = part_of(memory, str(k))
             strand.steps.recall(own)

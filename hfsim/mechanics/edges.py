@@ -1,9 +1,12 @@
-"""Where forces change their form: steps end there, for what lies beyond is not in what came before."""
+"""Where forces change their form: steps end there, for what lies beyond is not in what came before.
+
+What holds from then on, for good, is a latch (`hfsim.mechanics.latches`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +14,9 @@ from hfsim.maths.arrays import Array, BoolArray
 from hfsim.mechanics.counting import PLACES, AlongSteps, Step
 from hfsim.mechanics.projection import Through, directly
 from hfsim.mechanics.system import System
+
+if TYPE_CHECKING:
+    from hfsim.mechanics.latches import Latches
 
 NEAR = 1e-3
 """Share of a step up to which an edge counts as its start."""
@@ -31,15 +37,41 @@ class Edges(AlongSteps):
     def __init__(self, system: System | None = None, through: Through = directly) -> None:
         super().__init__(system, through)
         self._parts = () if system is None else tuple(part for part in system.forces if part.has_edges)
+        self._latches = None if system is None else _latches(system, through)
 
     def __bool__(self) -> bool:
         """Tell whether there are any."""
-        return bool(self._parts)
+        return bool(self._parts) or self._latches is not None
+
+    def start(self, t: float, q: Array) -> None:
+        """Begin to follow a motion in a state (n,)."""
+        if self._latches is not None:
+            self._latches.start(t, q)
+
+    def keep(self, t: float, q: Array) -> bool:
+        """Go on to the end of a step; tell whether a latch catches there."""
+        return self._latches is not None and self._latches.keep(t, q)
+
+    def along(self, steps: Sequence[Step], end: tuple[float, Array]) -> None:
+        """Go on along steps that others have made, up to a state (t, q)."""
+        if self._latches is not None:
+            self._latches.along([*((step.t, step.q) for step in steps), end])
+
+    def kept(self) -> Callable[[], dict[str, Array]]:
+        """Return what tells the memory of now, also when the motion has gone on."""
+        return dict if self._latches is None else self._latches.kept()
+
+    def recall(self, memory: Mapping[str, Array]) -> None:
+        """Go on with a motion that was put down, or has gone back to where it was kept last."""
+        if self._latches is not None and memory:
+            self._latches.recall(memory)
 
     def first(self, step: Step) -> float:
         """Return after what time a tried step meets its first edge [s]; its length, if none is far inside."""
-        if not self._parts:
-            return step.h
+        caught = step.h if self._latches is None else self._latches.first(step)
+        return min(caught, self._met_first(step)) if self._parts else caught
+
+    def _met_first(self, step: Step) -> float:
         found = _between(LOOKED_AT, self._look("edges", self.looked, step))
         return step.h * next((at for pair in found if (at := self._closer(step, *pair)) < 1.0), 1.0)
 
@@ -52,6 +84,13 @@ class Edges(AlongSteps):
                 return 1.0
             first, last = found[0]
         return last
+
+    def met(self, kind: Callable[..., Step], t: Any, h: Any, *start: Array) -> Array:
+        """Return whether a step meets any: one or zero, shape ()."""
+        step = t, h, *start
+        found = [] if self._latches is None else [self._latches.met(kind, *step)]
+        found += [meets(self.looked(kind, *step))] if self._parts else []
+        return found[0] if len(found) == 1 else np.asarray(np.maximum(*found))
 
     def looked(self, kind: Callable[..., Step], t: Any, h: Any, *start: Array) -> Array:
         """Return by how much a step is beyond each edge where it is looked at first, (n_shares, n_edges)."""
@@ -69,6 +108,15 @@ class Edges(AlongSteps):
         x, u = self._system.absolute(q), self._system.absolute_velocity(q, v)
         beyond = np.concatenate([part.edges(times, x, u) for part in self._parts], axis=1)
         return np.asarray(np.where(np.abs(beyond) > noise * np.abs(x).max(), beyond, 0.0))
+
+
+def _latches(system: System, through: Through) -> Latches | None:
+    """Return what follows the latches of a system, if it has any."""
+    if not any(part.latches for part in system.forces):
+        return None
+    from hfsim.mechanics.latches import Latches
+
+    return Latches(system, through)
 
 
 def _noise(series: Array) -> float:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import field
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -134,6 +134,11 @@ class ForcePart:
     def edges(self, t: Array, x: Array, u: Array) -> Array:
         """Return what changes its sign where the force changes its form, shape (n_batch, n_edges)."""
         raise NotImplementedError
+
+    @property
+    def latches(self) -> tuple[Any, ...]:
+        """What catches along the motion, of `hfsim.mechanics.latches`."""
+        return ()
 
     @property
     def uses_rates(self) -> bool:

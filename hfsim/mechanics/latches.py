@@ -17,12 +17,12 @@ from hfsim.mechanics.resistances import Resistance
 from hfsim.mechanics.system import System
 from hfsim.mechanics.ties import Tie
 
-ROUNDS = 4
+ROUNDS = 6
 """Times that the stretch in which one catches is looked at more closely."""
 SHARES = np.append(0.0, PLACES)
 """Of that stretch."""
-AT_ONCE = 1e-6
-"""Share of a step at which one catches at least: it ends beyond the place, not just before it."""
+SHORTEST = 1e-9
+"""Share of a step after which one catches at the soonest."""
 NOISE = 1e-9
 """Distance from the place, over the largest coordinate, up to which one catches where a motion starts."""
 
@@ -127,7 +127,7 @@ class Latches(AlongSteps):
             shares = found[0] + (found[1] - found[0]) * SHARES
             seen = self._look("latches at shares", self._closely, step, shares[1:])
             found = self._between(shares, seen) or found
-        return step.h * max(found[1], AT_ONCE)
+        return step.h * max(found[1], SHORTEST)
 
     def _between(self, shares: Array, beyond: Array) -> tuple[float, float] | None:
         """Return the shares between which the first latch catches, if any, seen at all of them but one."""

@@ -30,6 +30,9 @@ force, over its range, that then is none."""
 class Resistance:
     """A force on a coordinate; a kind says what it stores, and what else it does."""
 
+    catches: ClassVar[bool] = False
+    """Whether it is a `hfsim.mechanics.latches.Latch`."""
+
     @property
     def holds(self) -> bool:
         """Whether it resists what moves on evenly: servos need not, their laws may move along."""
@@ -69,11 +72,11 @@ class Resistance:
         """Return how far beyond a limit of its own the coordinate is; zero where there is none."""
         return 0.0
 
-    def energy(self, s: Array) -> Array:
+    def energy(self, t: Array, s: Array) -> Array:
         """Return what it stores."""
         return np.zeros_like(s)
 
-    def elastic(self, s: Array) -> Array:
+    def elastic(self, t: Array, s: Array) -> Array:
         """Return the slope of that."""
         return np.zeros_like(s)
 
@@ -120,19 +123,19 @@ class LinearSpring(Resistance):
         """Whether there is none."""
         return not self.damping
 
-    def energy(self, s: Array) -> Array:
+    def energy(self, t: Array, s: Array) -> Array:
         """Return (p + 1/2 k (s - rest)) (s - rest)."""
         stretch = s - self.rest
         return np.asarray((self.preload + 0.5 * self.stiffness * stretch) * stretch)
 
-    def elastic(self, s: Array) -> Array:
+    def elastic(self, t: Array, s: Array) -> Array:
         """Return p + k (s - rest)."""
         force = self.stiffness * (s - self.rest if self.rest else s)
         return force + self.preload if self.preload else force
 
     def force(self, t: Array, s: Array, w: Array) -> Array:
         """Return that and d w."""
-        elastic = self.elastic(s)
+        elastic = self.elastic(t, s)
         return elastic + self.damping * w if self.damping else elastic
 
     def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
@@ -187,18 +190,18 @@ class TableSpring(Resistance):
         straight = (self.integral(inside, 1) + 0.5 * self.integral(inside, 2) * beyond) * beyond
         return np.asarray(self.integral(inside) + straight)
 
-    def energy(self, s: Array) -> Array:
+    def energy(self, t: Array, s: Array) -> Array:
         """Return the integral of the force from the rest."""
         return self._stored(s) - self._stored(np.array([self.rest]))
 
-    def elastic(self, s: Array) -> Array:
+    def elastic(self, t: Array, s: Array) -> Array:
         """Return the force."""
         inside, beyond = self._places(s)
         return np.asarray(self.integral(inside, 1) + self.integral(inside, 2) * beyond)
 
     def force(self, t: Array, s: Array, w: Array) -> Array:
         """Return that."""
-        return self.elastic(s)
+        return self.elastic(t, s)
 
     def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
         """Return the derivative of the curve."""
@@ -261,7 +264,7 @@ class Stop(Resistance):
         deep = np.maximum(self.side * (s - self.limit) / self.transition, 0.0)
         return deep, np.minimum(deep, 1.0)
 
-    def energy(self, s: Array) -> Array:
+    def energy(self, t: Array, s: Array) -> Array:
         """Return the integral of f over the depth."""
         deep, y = self._depth(s)
         first, rest = y**4 * (0.25 - 0.1 * y), deep - y
@@ -272,7 +275,7 @@ class Stop(Resistance):
         deep, y = self._depth(s)
         return np.asarray(self.stiffness * self.transition * (y**3 * (1.0 - 0.5 * y) + deep - y))
 
-    def elastic(self, s: Array) -> Array:
+    def elastic(self, t: Array, s: Array) -> Array:
         """Return f, by its side."""
         return self.side * self._push(s)
 
@@ -285,7 +288,7 @@ class Stop(Resistance):
 
     def force(self, t: Array, s: Array, w: Array) -> Array:
         """Return f with its damping."""
-        return self.elastic(s) * self._damped(w)[0] if self.damping else self.elastic(s)
+        return self.elastic(t, s) * self._damped(w)[0] if self.damping else self.elastic(t, s)
 
     def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
         """Return what stiffness and damping make of it."""

@@ -80,6 +80,11 @@ class Tie(PointPart):
         return any(one.exchanges_power for one in self.resistances)
 
     @property
+    def latches(self) -> tuple[Resistance, ...]:
+        """Resistances that catch along the motion."""
+        return tuple(one for one in self.resistances if one.catches)
+
+    @property
     def laws(self) -> tuple[Law, ...]:
         """Those of all resistances."""
         return tuple(law for one in self.resistances for law in one.laws)
@@ -195,14 +200,14 @@ class Tie(PointPart):
     def potential_energy(self, t: Array, x: Array) -> Array:
         """Return what all resistances store."""
         s = self.measured(t, x)[0]
-        return np.asarray(sum((one.energy(s) for one in self.resistances), np.zeros_like(s)))
+        return np.asarray(sum((one.energy(t, s) for one in self.resistances), np.zeros_like(s)))
 
     def power(self, t: Array, x: Array, u: Array) -> Array:
         """Return the power of what is not the slope of an energy."""
         s, rows = self.measured(t, x)
         w = self._rate(rows, u)
         exchanging = (one for one in self.resistances if one.exchanges_power)
-        others = (one.force(t, s, w) - one.elastic(s) for one in exchanging)
+        others = (one.force(t, s, w) - one.elastic(t, s) for one in exchanging)
         return np.asarray(-w * sum(others, np.zeros_like(s)))
 
 

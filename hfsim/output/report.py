@@ -81,12 +81,25 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path | None) -> str:
         "CPU time": _times(summary["cpu_s"]),
         **({"kernel": f"numpy: {MISSING}"} if MISSING else {}),
         "error estimate": errors(summary),
+        "latches": _latches(summary.get("latches", {})),
         "energy drift": number(summary["energy_drift"]),
         **({"constraint drift": _drift(summary)} if summary["multipliers"] else {}),
     }
     lines = fact_lines(facts, folder)
     levels = level_table(summary["refinement"]) if summary.get("refinement") else []
     return "\n".join([*lines, *levels, *last_values(run, summary)])
+
+
+def _latches(caught: Mapping[str, float | None]) -> str:
+    """Return when latches caught.
+
+    Examples
+    --------
+    >>> _latches({"joints.left": 3.25, "joints.right": None})
+    'left at 3.25 s, right is open'
+    """
+    names = {item.partition(".")[2]: t for item, t in caught.items()}
+    return ", ".join(f"{one} is open" if t is None else f"{one} at {t:.6g} s" for one, t in names.items())
 
 
 def sizes(facts: Mapping[str, Any]) -> str:

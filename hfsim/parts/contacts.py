@@ -1,4 +1,4 @@
-"""What decks say of Coulomb friction and stops, of turns and of shifts."""
+"""What decks say of Coulomb friction, stops and latches, of turns and of shifts."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from hfsim.deck.fields import (
     Angle,
+    Damping,
     Dissipation,
     Length,
     PositiveAngle,
@@ -19,6 +20,7 @@ from hfsim.deck.fields import (
     PositiveRotationalStiffness,
     PositiveStiffness,
     PositiveVelocity,
+    RotationalDamping,
     RotationalDissipation,
     degrees_as_radians,
 )
@@ -26,6 +28,7 @@ from hfsim.deck.law_specs import ScaleLaw
 from hfsim.deck.laws import Law
 from hfsim.deck.spec import Around, Complaint, Spec
 from hfsim.mechanics.friction import Friction
+from hfsim.mechanics.latches import Latch
 from hfsim.mechanics.resistances import Stop
 
 _TIMES = 2000
@@ -156,3 +159,41 @@ class SlidingStopsSpec(StopsSpec):
 
     transition: PositiveLength = 1e-3
     """Distance beyond a limit over which the stiffness sets in [m]."""
+
+
+class TurningLatchSpec(Spec):
+    """A latch on a turn: it holds for good from when the angle comes to its place, or starts there."""
+
+    angle: Angle
+    """Where it catches, and holds without moment [rad]."""
+
+    stiffness: PositiveRotationalStiffness
+    """Stiffness with which it holds [N m/rad]."""
+
+    damping: RotationalDamping = 0.0
+    """Damping with which it does [N m s/rad]."""
+
+    def slips_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield an angle that looks like degrees."""
+        yield from degrees_as_radians("angle", self.angle)
+
+    def build(self) -> Latch:
+        """Return the latch."""
+        return Latch(self.angle, self.stiffness, self.damping)
+
+
+class SlidingLatchSpec(Spec):
+    """A latch on a shift: it holds for good from when the distance comes to its place, or starts there."""
+
+    distance: Length
+    """Where it catches, and holds without force [m]."""
+
+    stiffness: PositiveStiffness
+    """Stiffness with which it holds [N/m]."""
+
+    damping: Damping = 0.0
+    """Damping with which it does [N s/m]."""
+
+    def build(self) -> Latch:
+        """Return the latch."""
+        return Latch(self.distance, self.stiffness, self.damping)

@@ -1,6 +1,6 @@
-"""What decks say of damping, friction and stops, in the free motions of joints and in springs.
+"""What decks say of damping, friction, stops and latches, in the free motions of joints and in springs.
 
-Friction and stops are read, and what resists is imported, where a deck has them.
+But for damping they are read, and what resists is imported, where a deck has them.
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ if TYPE_CHECKING:
 
 
 class _Resisted:
-    """Damping, friction and stops of one coordinate."""
+    """Damping, friction, stops and a latch of one coordinate."""
 
     if TYPE_CHECKING:
         damping: Any
         friction: Any
         stops: Any
+        latch: Any
 
     @property
     def resistances(self) -> tuple[Resistance, ...]:
@@ -34,8 +35,8 @@ class _Resisted:
     @property
     def contacts(self) -> tuple[Resistance, ...]:
         """What is stated besides damping."""
-        friction = (self.friction.build(),) if self.friction else ()
-        return (*friction, *(self.stops.build() if self.stops else ()))
+        single = [one.build() for one in (self.friction, self.latch) if one]
+        return (*single, *(self.stops.build() if self.stops else ()))
 
 
 class TurningResistanceSpec(_Resisted, Spec):
@@ -50,6 +51,9 @@ class TurningResistanceSpec(_Resisted, Spec):
     stops: Annotated[Any, entry_of("hfsim.parts.contacts.TurningStopsSpec")] | None = None
     """Stops."""
 
+    latch: Annotated[Any, entry_of("hfsim.parts.contacts.TurningLatchSpec")] | None = None
+    """Latch: holds for good from when the motion comes to its place."""
+
 
 class SlidingResistanceSpec(_Resisted, Spec):
     """What resists a shift."""
@@ -62,3 +66,6 @@ class SlidingResistanceSpec(_Resisted, Spec):
 
     stops: Annotated[Any, entry_of("hfsim.parts.contacts.SlidingStopsSpec")] | None = None
     """Stops."""
+
+    latch: Annotated[Any, entry_of("hfsim.parts.contacts.SlidingLatchSpec")] | None = None
+    """Latch: holds for good from when the motion comes to its place."""

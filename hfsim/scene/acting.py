@@ -42,6 +42,10 @@ def acting(
     for item, ends, axis, part in (*_ties(deck, marker, x), *_loads(deck, bodies, marker)):
         if part.counter is not None:
             part.counter.suppose(0.0, turns.between(ends, axis, float(part.angle(x[None])[0]), angles))
+        if part.latches:
+            from hfsim.mechanics.latches import start
+
+            start(part, 0.0, x[None])
         if item not in gone:
             found.append(replace(part, item=item))
     return found

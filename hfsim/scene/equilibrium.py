@@ -259,6 +259,12 @@ def doubts(scene: Assembled, found: Equilibrium, x: Array) -> Iterator[str]:
         return
     for item, what in undirected(scene.system, x[0]):
         yield f"{item} has {what}: neither frequencies, nor whether it is stable, are to be relied on"
+    for part in scene.system.forces:
+        if part.latches and _passed(part, x):
+            yield (
+                f"{part.item} rests beyond the place of its latch, which would have caught on the way: "
+                "start it at that place (initial), where it is caught, to see where it rests then"
+            )
     if not found.stable:
         time = 1.0 / float(np.sqrt(-found.values[0]))
         since = "" if found.crossed is None else f" from {found.crossed:.4g} of the loads on"
@@ -278,6 +284,12 @@ def doubts(scene: Assembled, found: Equilibrium, x: Array) -> Iterator[str]:
             f"beyond {found.limit:.4g} of the loads the scene snaps to another place: "
             "hfsim static --path tells what is between"
         )
+
+
+def _passed(part: ForcePart, x: Array) -> bool:
+    from hfsim.mechanics.latches import passed
+
+    return passed(part, np.zeros(1), x)
 
 
 def _rests_with(scene: Assembled, models: dict[str, str], t: float) -> bool:

@@ -73,6 +73,22 @@ solve: {duration: 0.9, tolerance: 1.0e-6, model_error: 1.0e-3}
 """
 
 
+LATCHED = """hfsim: 1
+bodies:
+  cart: {type: rigid, mass: 1.0, inertia: 1.0}
+  flap: {type: rigid, mass: 4.0, inertia: 0.4, points: {edge: [-0.5, 0]}}
+joints:
+  rail: {type: prismatic, between: [ground, cart]}
+  hinge: {type: revolute, between: [ground, flap.edge], latch: {angle: 1.5, stiffness: 500, damping: 0.5}}
+springs:
+  drive: {type: rotational, between: [ground, flap], stiffness: 0.2, rest_angle: 2.0}
+  band: {type: two_point, between: [ground, cart], stiffness: 5.0}
+initial: {cart: {position: [1, 0]}, flap: {angle: 0}}
+solve: {duration: 24, method: radau, tolerance: 1.0e-8}
+output: {interval: 0.5, channels: [hinge.angle, hinge.torque, energy.total]}
+"""
+
+
 def loaded_from(deck, overrides):
     return load_deck(CASES / deck, overrides) if "\n" not in deck else parse_deck(deck, "deck", overrides)
 
@@ -82,6 +98,8 @@ SCENES = {
     "parts side by side": ("rules/spare.yaml",),
     "variable mass and its watch": ("two_beams.yaml", "solve.model=lowOrder", "solve.duration=0.5"),
     "several models in turn": (TURNING,),
+    "a latch, by itself": (LATCHED, "solve.keep=[parts]"),
+    "a latch in one of the parts": (LATCHED,),
     "gear": ("pendulum.yaml", "solve.method=gear", "solve.tolerance=1e-4", "solve.duration=0.3"),
 }
 

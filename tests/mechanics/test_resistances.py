@@ -1,5 +1,5 @@
 # ruff: noqa: E501
-"""Springs, dampers, friction and stops: force from energy, slopes, power; on every kind of marker and coordinate."""
+"""Springs, dampers, friction, stops and latches: force from energy, slopes, power; on every kind of marker and coordinate."""
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from analytical import jacobian
 from hfsim.maths.matrices import assemble
 from hfsim.mechanics.constraints import Shift, Turn
 from hfsim.mechanics.friction import Friction
+from hfsim.mechanics.latches import Latch
 from hfsim.mechanics.resistances import LinearSpring, Stop, TableSpring
 from hfsim.mechanics.spatial_turns import about
 from hfsim.mechanics.ties import DistanceTie, GapTie, tie_on
@@ -24,6 +25,8 @@ RESISTANCES = {
     "stop below": Stop(-0.4, -1.0, 200.0, 0.0, 0.3),
     "damped stop above": Stop(0.4, 1.0, 200.0, 0.7, 0.3),
     "damped stop below": Stop(-0.4, -1.0, 200.0, 0.7, 0.3),
+    "latch": Latch(0.3, 50.0, 0.0, since=np.array([0.2])),
+    "damped latch": Latch(0.3, 50.0, 0.8, since=np.array([0.2])),
 }
 S = np.linspace(-1.2, 1.2, 97)
 W = np.array([-40.0, -2.0, -0.3, 0.1, 3.0, 50.0])
@@ -42,10 +45,10 @@ def grid():
 
 
 def test_the_elastic_part_is_the_slope_of_the_energy(one):
-    slope = (one.energy(S + H) - one.energy(S - H)) / (2 * H)
-    assert one.elastic(S) == pytest.approx(slope, abs=1e-6)
-    t = np.zeros_like(S)
-    assert one.force(t, S, np.zeros_like(S)) == pytest.approx(one.elastic(S), abs=1e-12)
+    t = np.full_like(S, 0.7)
+    slope = (one.energy(t, S + H) - one.energy(t, S - H)) / (2 * H)
+    assert one.elastic(t, S) == pytest.approx(slope, abs=1e-6)
+    assert one.force(t, S, np.zeros_like(S)) == pytest.approx(one.elastic(t, S), abs=1e-12)
 
 
 def test_slopes_are_those_of_the_force(one, grid):
@@ -59,7 +62,7 @@ def test_slopes_are_those_of_the_force(one, grid):
 
 def test_what_is_not_elastic_takes_power_and_never_gives_it(one, grid):
     t, s, w = grid
-    lost = (one.force(t, s, w) - one.elastic(s)) * w
+    lost = (one.force(t, s, w) - one.elastic(t, s)) * w
     assert (lost >= 0.0).all()
     assert (lost.max() > 0.0) == one.uses_rates == one.exchanges_power
 
@@ -78,19 +81,19 @@ def test_a_stop_is_as_stiff_as_it_says_and_damped_as_hunt_and_crossley():
     stop, t = Stop(0.4, 1.0, 200.0, 0.7, 0.1), np.zeros(1)
     deep = np.array([0.9])
     assert stop.slopes(t, deep, np.zeros(1))[0] == pytest.approx(200.0)
-    assert stop.elastic(deep) == pytest.approx(200.0 * (0.5 - 0.05))
+    assert stop.elastic(t, deep) == pytest.approx(200.0 * (0.5 - 0.05))
     small = np.array([1e-4])
-    assert stop.force(t, deep, small) / stop.elastic(deep) - 1.0 == pytest.approx(0.7 * small, rel=1e-3)
+    assert stop.force(t, deep, small) / stop.elastic(t, deep) - 1.0 == pytest.approx(0.7 * small, rel=1e-3)
 
 
 def test_a_table_is_met_is_monotone_and_goes_straight_on():
     rows = np.array([(-0.8, -50.0), (-0.1, -4.0), (0.1, 4.0), (0.5, 5.0), (0.7, 60.0)])
     table = TableSpring.through(rows, 0.3)
-    assert table.elastic(rows[:, 0] + 0.3) == pytest.approx(rows[:, 1], abs=1e-12)
-    assert (np.diff(table.elastic(np.linspace(-1.0, 1.2, 400))) > 0.0).all()
+    assert table.elastic(S, rows[:, 0] + 0.3) == pytest.approx(rows[:, 1], abs=1e-12)
+    assert (np.diff(table.elastic(S, np.linspace(-1.0, 1.2, 400))) > 0.0).all()
     beyond = np.array([1.1, 1.2, 1.3])
-    assert np.diff(table.elastic(beyond), 2) == pytest.approx(0.0, abs=1e-10)
-    assert table.energy(np.array([0.3])) == 0.0
+    assert np.diff(table.elastic(S, beyond), 2) == pytest.approx(0.0, abs=1e-10)
+    assert table.energy(S, np.array([0.3])) == 0.0
 
 
 def test_friction_has_its_level():

@@ -161,7 +161,7 @@ def test_slopes_are_those_of_the_force(one):
     by_s, by_w = one.slopes(t, s, w)
     assert by_s == pytest.approx((one.force(t, s + h, w) - one.force(t, s - h, w)) / (2 * h), abs=1e-6)
     assert by_w == pytest.approx((one.force(t, s, w + h) - one.force(t, s, w - h)) / (2 * h), abs=1e-6)
-    assert not one.energy(s).any()
+    assert not one.energy(s, s).any()
     assert one.exchanges_power
 
 

@@ -9,7 +9,7 @@ from hfsim.deck.spec import Complaint
 from hfsim.mechanics.resistances import LinearSpring, Resistance, TableSpring
 from hfsim.parts.specs import SpringSpec
 
-_FORCES = ("stiffness", "damping", "friction", "stops", "preload")
+_FORCES = ("stiffness", "damping", "friction", "stops", "latch", "preload")
 """Keys that give a force where they are not zero."""
 
 
@@ -20,13 +20,14 @@ class CoordinateSpringSpec(SpringSpec):
     damping: Any
     friction: Any
     stops: Any
+    latch: Any
     preload: Any
     table: Any
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield a spring that says nothing of its force, or says it twice."""
         if not {*_FORCES, "table"} & self.model_fields_set:
-            hint = "or give a table, damping, friction, stops or a preload"
+            hint = "or give a table, damping, friction, stops, a latch or a preload"
             yield Complaint(("stiffness",), "missing key", hint, True)
         for key in ("stiffness", "preload"):
             if self.table is not None and getattr(self, key):  # zeros stand in resolved decks

@@ -28,10 +28,10 @@ class CylindricalSpec(JointSpec):
     """Axis in A's frame [-]; [0, 0, 1] without it."""
 
     turning: TurningResistanceSpec | None = None
-    """Damping, friction and stops of the turn."""
+    """Damping, friction, stops and latch of the turn."""
 
     sliding: SlidingResistanceSpec | None = None
-    """Damping, friction and stops of the shift."""
+    """Damping, friction, stops and latch of the shift."""
 
     def held(self, facing: Array | None = None) -> tuple[Held, ...]:
         """Return what the joint holds."""
