@@ -16,7 +16,6 @@ from hfsim.marching.runaway import RateWatch, SectionsWatch, Watch, Watches
 from hfsim.marching.steps import State, Steps, Stop, Strand, Together
 from hfsim.marching.stop import SHIELD, BudgetUsedError, Progress, TimeUp
 from hfsim.maths.arrays import Array
-from hfsim.maths.matrices import is_sparse
 from hfsim.mechanics.counting import Turns
 from hfsim.mechanics.edges import Edges
 from hfsim.mechanics.many_forces import MANY
@@ -222,11 +221,9 @@ def _carrying(scene: Scene) -> Carrying | None:
 
 
 def _carrying_of(scene: Scene) -> Carrying | None:
-    """Return rigid motions of everything in space, where matrices are dense."""
+    """Return rigid motions of everything in space."""
     system = scene.system
     if scene.deck.dimension == 2 or system.charts or system.variable_mass:
-        return None
-    if is_sparse(system.equations.constant_mass):
         return None
     from hfsim.mechanics.carrying import Carrying
 

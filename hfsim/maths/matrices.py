@@ -21,18 +21,18 @@ DENSE_UP_TO = 200
 """Rows up to which dense algebra is the faster one in all scenes, also in chains of rigid bodies."""
 DENSE_IN_PLANE = 250
 """Coordinates of other scenes in the plane up to which it is (at 231, 0.30 s against 0.63 s)."""
-DENSE_IN_SPACE = 300
-"""The same in space (at 237, 0.95 s against 2.3 s)."""
+DENSE_IN_SPACE, DENSE_WITH_AXES = 300, 400
+"""The same in space (at 237, 0.95 s against 2.3 s), also with many axes (at 357, 1.4 s against 3.6 s)."""
 SOFT = 1e-6
 """Stiffness, over the largest of a matrix, below which a coordinate is not measured by its own."""
-MANY = 0.4
+MANY, MANY_IN_SPACE = 0.4, 0.2
 """Equations of joints and axes, over coordinates, that are many."""
 
 
 def dense_up_to(coordinates: int, rows: int, n_dim: int) -> int:
     """Return up to how many coordinates matrices are dense; rows are the equations of joints and axes."""
     if n_dim == 3:
-        return DENSE_IN_SPACE
+        return DENSE_WITH_AXES if rows > MANY_IN_SPACE * coordinates else DENSE_IN_SPACE
     return DENSE_UP_TO if rows > MANY * coordinates else DENSE_IN_PLANE
 
 

@@ -91,7 +91,7 @@ class Carrying:
 
     @classmethod
     def of(cls, system: System, bodies: Sequence[Body], at: Array) -> Carrying | None:
-        """Return those that nothing hinders at coordinates ``at`` (n_x,): of a constant, dense mass.
+        """Return those that nothing hinders at coordinates ``at`` (n_x,): of a constant mass.
 
         None is returned where no turn is among them, or others than vectors turn.
         """

@@ -16,7 +16,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import Entries, Matrix, assemble, dense, is_sparse
+from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
 from hfsim.maths.rotations import freedoms, spun
 from hfsim.mechanics.pose import Twist
 from hfsim.mechanics.rotors import own_turns
@@ -75,7 +75,7 @@ class Turning:
         bodies: Iterable[Body],
         spin: Sequence[float] | Array,
         centre: Sequence[float] | Array,
-        sparse: bool = False,
+        sparse: bool | None = False,
         velocity: Sequence[float] | Array | None = None,
     ) -> Turning:
         """Return the rotation of bodies whose coordinates stand one after the other.
@@ -86,8 +86,8 @@ class Turning:
             Angular velocity in ground axes: one number in the plane [rad/s].
         centre : array_like, shape (n_dim,)
             A point of the axis [m].
-        sparse : bool
-            Whether W is to be sparse.
+        sparse : bool, optional
+            Whether W is to be sparse; with None, large ones are.
         velocity : array_like, shape (n_dim,), optional
             Of that point [m/s].
         """
@@ -101,7 +101,7 @@ class Turning:
         return cls(matrix, shift, travel, spin, centre, moving)
 
     @classmethod
-    def units(cls, bodies: Iterable[Body], n_dim: int, sparse: bool = False) -> list[Turning]:
+    def units(cls, bodies: Iterable[Body], n_dim: int, sparse: bool | None = None) -> list[Turning]:
         """Return shifts of everything along the axes of the ground, then turns about these."""
         twists, each = (np.split(one, [n_dim]) for one in np.eye(freedoms(n_dim))), tuple(bodies)
         return [cls.of(each, spin, np.zeros(n_dim), sparse, shift) for shift, spin in twists]
@@ -280,12 +280,12 @@ def undriven(equations: Equations, x: Array, rates: Array) -> Array:
     free = np.ones(equations.n_rows, dtype=bool)
     for constraint, rows in zip(equations.constraints, equations.rows, strict=True):
         free[rows] = not constraint.driven
-    gaps = dense(equations.phi.jacobian_at(x[None]))[free] @ rates.T
+    gaps = np.asarray(equations.phi.jacobian_at(x[None]) @ rates.T)[free]
     missed = (rates - reduction.expand_rates(reduction.free_rates(rates))).T
     # a straight line that turns about itself does not move
     _, sizes, moving = np.linalg.svd(rates.T, full_matrices=False)
     moving = moving[sizes > SINGULAR * sizes[0]]
-    _, sizes, ways = np.linalg.svd(np.concatenate([gaps, missed]) @ moving.T)
+    _, sizes, ways = np.linalg.svd(np.linalg.qr(np.concatenate([gaps, missed]) @ moving.T, mode="r"))
     return np.asarray(ways[np.count_nonzero(sizes > SINGULAR * max(1.0, sizes.max(initial=0.0))) :] @ moving)
 
 

@@ -132,6 +132,18 @@ def test_pendulums_that_vibrate_take_few_iterations():
     assert run_integration(scene, scene.deck.solve).problem.counts.iterations < 200
 
 
+def test_large_scenes_are_carried_along_as_small_ones(monkeypatch):
+    """With sparse matrices: before, they took nine times the iterations."""
+    small = blades(SPACE)
+    monkeypatch.setattr("hfsim.scene.build.dense_up_to", lambda *sizes: 0)
+    large = blades(SPACE)
+    a = problem_of(small).single(0.0, small.q, small.v)
+    one, other = (problem_of(scene).carrying().along(small.q, small.v, a, TIMES) for scene in (small, large))
+    np.testing.assert_allclose(other.moved, one.moved, atol=1e-9)
+    done = [run_integration(scene, scene.deck.solve).problem.counts.iterations for scene in (small, large)]
+    assert done[1] < 1.2 * done[0]
+
+
 def test_what_does_not_move_along_the_axis_says_nothing_of_it():
     """Turns about an axis of the ground: shifts along it do not whirl, and rounding is no rate."""
     scene = blades(SPACE, ("elements: 1", "elements: 2"))

@@ -164,7 +164,7 @@ def test_slender_and_flat_bodies_cost_no_more_steps_than_others():
 
 def test_joints_with_many_coordinates_are_solved_with_sparse_matrices():
     bodies, joints, last = [], [], "ground"
-    for k in range(30):
+    for k in range(40):
         bodies.append(
             f"  b{k}: {{type: rigid, mass: 1.0, inertia: [0.02, 0.09, 0.1],"
             " points: {a: [-0.5, 0, 0], b: [0.5, 0, 0]}}"
