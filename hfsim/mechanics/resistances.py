@@ -6,25 +6,15 @@ forces [N or N m] and energies [J].  A force counts as positive where it drives 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.piecewise import Piecewise
 
 if TYPE_CHECKING:
     from hfsim.deck.laws import Law
-
-
-SHARP = 1.0
-"""Change of the slope of a table by the jump of its second derivative, over an interval and relative to the
-slope there, from which steps end at the point between."""
-SEVERAL, BENT = 20, 0.5
-"""Such points of a table from which they may be the noise of what was measured, and the same change of the
-force, over its range, that then is none."""
 
 
 class Resistance:
@@ -141,84 +131,6 @@ class LinearSpring(Resistance):
     def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
         """Return k and d."""
         return np.full_like(s, self.stiffness), np.full_like(s, self.damping)
-
-
-@dataclass(frozen=True)
-class TableSpring(Resistance):
-    """A force by the stretch from a rest: cubics through points, and straight on beyond the last ones.
-
-    Attributes
-    ----------
-    integral : Piecewise
-        Of the cubics.
-    ends : tuple of float
-        First and last stretch of the points.
-    rest : float
-        Where the stretch is zero.
-    bends : tuple of float
-        Stretches of points at which the curve bends sharply.
-    """
-
-    integral: Piecewise
-    ends: tuple[float, float]
-    rest: float
-    bends: tuple[float, ...]
-
-    @classmethod
-    def through(cls, table: Sequence[Sequence[float]], rest: float) -> TableSpring:
-        """Return it through rows (stretch, force), monotone where these are (PCHIP, Fritsch and Butland)."""
-        from scipy.interpolate import PchipInterpolator
-
-        stretches, forces = np.array(table).T
-        curve = PchipInterpolator(stretches, forces)
-        ends = float(stretches[0]), float(stretches[-1])
-        return cls(Piecewise.of(curve.antiderivative()), ends, rest, _sharp_bends(curve))
-
-    @property
-    def edges(self) -> tuple[float, ...]:
-        """Where it bends sharply: a step may come by what is between two of these."""
-        return tuple(self.rest + at for at in self.bends)
-
-    def _places(self, s: Array) -> tuple[Array, Array]:
-        """Return the stretch kept within the points, and how far it is beyond."""
-        stretch = s - self.rest
-        inside = np.clip(stretch, *self.ends)
-        return inside, stretch - inside
-
-    def _stored(self, s: Array) -> Array:
-        inside, beyond = self._places(s)
-        straight = (self.integral(inside, 1) + 0.5 * self.integral(inside, 2) * beyond) * beyond
-        return np.asarray(self.integral(inside) + straight)
-
-    def energy(self, t: Array, s: Array) -> Array:
-        """Return the integral of the force from the rest."""
-        return self._stored(s) - self._stored(np.array([self.rest]))
-
-    def elastic(self, t: Array, s: Array) -> Array:
-        """Return the force."""
-        inside, beyond = self._places(s)
-        return np.asarray(self.integral(inside, 1) + self.integral(inside, 2) * beyond)
-
-    def force(self, t: Array, s: Array, w: Array) -> Array:
-        """Return that."""
-        return self.elastic(t, s)
-
-    def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
-        """Return the derivative of the curve."""
-        return self.integral(self._places(s)[0], 2), np.zeros_like(s)
-
-
-def _sharp_bends(curve: Any) -> tuple[float, ...]:
-    """Return the points of a `PchipInterpolator` at which a jump of the second derivative counts."""
-    places, (cubic, square) = curve.x, curve.c[:2]
-    lengths, secants = np.diff(places), np.abs(np.diff(curve(places)) / np.diff(places))
-    before, after = np.append(0.0, 2.0 * square + 6.0 * cubic * lengths), np.append(2.0 * square, 0.0)
-    shorter = np.minimum(np.append(np.inf, lengths), np.append(lengths, np.inf))
-    steeper = np.maximum(np.append(0.0, secants), np.append(secants, 0.0))
-    sharp = (change := np.abs(after - before) * shorter) > SHARP * steeper
-    if sharp.sum() > SEVERAL:
-        sharp &= change * shorter > BENT * np.ptp(curve(places))
-    return tuple(places[sharp].tolist())
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,8 @@ import pytest
 
 from hfsim.mechanics.edges import Edges
 from hfsim.mechanics.friction import SLIDING, Friction
-from hfsim.mechanics.resistances import LinearSpring, Stop, TableSpring
+from hfsim.mechanics.resistances import LinearSpring, Stop
+from hfsim.mechanics.tabled import TableSpring
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate

@@ -11,8 +11,9 @@ from hfsim.maths.matrices import assemble
 from hfsim.mechanics.constraints import Shift, Turn
 from hfsim.mechanics.friction import Friction
 from hfsim.mechanics.latches import Latch
-from hfsim.mechanics.resistances import LinearSpring, Stop, TableSpring
+from hfsim.mechanics.resistances import LinearSpring, Stop
 from hfsim.mechanics.spatial_turns import about
+from hfsim.mechanics.tabled import TableSpring
 from hfsim.mechanics.ties import DistanceTie, GapTie, tie_on
 
 RESISTANCES = {

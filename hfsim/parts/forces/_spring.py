@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from hfsim.deck.spec import Complaint
-from hfsim.mechanics.resistances import LinearSpring, Resistance, TableSpring
+from hfsim.mechanics.resistances import LinearSpring, Resistance
+from hfsim.mechanics.tabled import TableSpring
 from hfsim.parts.specs import SpringSpec
 
 _FORCES = ("stiffness", "damping", "friction", "stops", "latch", "preload")
