@@ -227,6 +227,29 @@ def table_of(argument: str, value: str) -> ReadBy:
     return ReadBy(partial(_read_table, (argument, value)), type="array")
 
 
+def _resisting(rows: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    """Refuse a table of a damper that would drive: rates and forces of one sign, zero at zero.
+
+    It goes straight on beyond its last rows, where it must not come back to zero.
+    """
+    if (0.0, 0.0) not in rows:
+        raise refusal("a damper has no force at rest", "a row [0, 0] must be there")
+    for k, (rate, force) in enumerate(rows):
+        if rate * force < 0.0:
+            message = f"{force:g} at the rate {rate:g} would drive, and a damper resists"
+            raise refused([Complaint((k,), message, "rate and force of one sign")])
+    for k, inner in ((0, 1), (len(rows) - 1, len(rows) - 2)):
+        if rows[k][0] and abs(rows[k][1]) < abs(rows[inner][1]):
+            message = "the force falls at the end of the table, and would drive beyond it"
+            raise refused([Complaint((k,), message, "a last row with a force that is not smaller")])
+    return rows
+
+
+def damping_table_of(rate: str, force: str) -> tuple[Any, ...]:
+    """Return what reads the table of a damper, rates and forces of two dimensions."""
+    return table_of(rate, force), AfterValidator(_resisting)
+
+
 def _read_inertia(value: object) -> object:
     """Return a moment of inertia, three, or a matrix of rows."""
     read = partial(_read_number, "inertia", {})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -109,6 +109,34 @@ class TableSpring(Resistance):
     def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
         """Return the derivative of the curve."""
         return self.curve.slope(s - self.rest), np.zeros_like(s)
+
+
+@dataclass(frozen=True)
+class TableDamper(Resistance):
+    """A force by the rate, which resists it.
+
+    Attributes
+    ----------
+    curve : Curve
+        Zero at zero.
+    """
+
+    curve: Curve
+    holds: ClassVar[bool] = False
+    uses_rates: ClassVar[bool] = True
+
+    @property
+    def rate_edges(self) -> tuple[float, ...]:
+        """Where it bends sharply."""
+        return self.curve.bends
+
+    def force(self, t: Array, s: Array, w: Array) -> Array:
+        """Return the value at the rate."""
+        return self.curve.value(w)
+
+    def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
+        """Return zero, and the derivative of the curve."""
+        return np.zeros_like(s), self.curve.slope(w)
 
 
 def _sharp_bends(curve: Any) -> tuple[float, ...]:

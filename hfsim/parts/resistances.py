@@ -5,13 +5,16 @@ But for damping they are read, and what resists is imported, where a deck has th
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any
 
-from hfsim.deck.fields import Damping, RotationalDamping
+from hfsim.deck.fields import Damping, RotationalDamping, damping_table_of
 from hfsim.deck.spec import Spec, entry_of
 
 if TYPE_CHECKING:
     from hfsim.mechanics.resistances import Resistance
+
+Rows = tuple[tuple[float, float], ...]
 
 
 class _Resisted:
@@ -19,6 +22,7 @@ class _Resisted:
 
     if TYPE_CHECKING:
         damping: Any
+        damping_table: Any
         friction: Any
         stops: Any
         latch: Any
@@ -27,16 +31,23 @@ class _Resisted:
     def resistances(self) -> tuple[Resistance, ...]:
         """What is stated."""
         if not self.damping:
-            return self.contacts
+            return self.others
         from hfsim.mechanics.resistances import LinearSpring
 
-        return LinearSpring(0.0, self.damping), *self.contacts
+        return LinearSpring(0.0, self.damping), *self.others
 
     @property
-    def contacts(self) -> tuple[Resistance, ...]:
-        """What is stated besides damping."""
+    def others(self) -> tuple[Resistance, ...]:
+        """What is stated besides the damping that is a number."""
         single = [one.build() for one in (self.friction, self.latch) if one]
-        return (*single, *(self.stops.build() if self.stops else ()))
+        return (*self._tabled, *single, *(self.stops.build() if self.stops else ()))
+
+    @property
+    def _tabled(self) -> Iterator[Resistance]:
+        if self.damping_table:
+            from hfsim.mechanics.tabled import Curve, TableDamper
+
+            yield TableDamper(Curve.through(self.damping_table))
 
 
 class TurningResistanceSpec(_Resisted, Spec):
@@ -44,6 +55,10 @@ class TurningResistanceSpec(_Resisted, Spec):
 
     damping: RotationalDamping = 0.0
     """Damping [N m s/rad]."""
+
+    damping_table: Annotated[Rows, *damping_table_of("angular_velocity", "moment")] | None = None
+    """Rows [rate, moment that resists], [0, 0] among them, between them monotone cubics, beyond them
+    straight lines [rad/s, N m]."""
 
     friction: Annotated[Any, entry_of("hfsim.parts.contacts.TurningFrictionSpec")] | None = None
     """Coulomb friction."""
@@ -60,6 +75,10 @@ class SlidingResistanceSpec(_Resisted, Spec):
 
     damping: Damping = 0.0
     """Damping [N s/m]."""
+
+    damping_table: Annotated[Rows, *damping_table_of("velocity", "force")] | None = None
+    """Rows [rate, force that resists], [0, 0] among them, between them monotone cubics, beyond them
+    straight lines [m/s, N]."""
 
     friction: Annotated[Any, entry_of("hfsim.parts.contacts.SlidingFrictionSpec")] | None = None
     """Coulomb friction."""

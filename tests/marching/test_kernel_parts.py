@@ -23,8 +23,9 @@ SWAY = {"type": "sine", "amplitude": 0.1, "frequency": 2.0}
 ARM = SCENE["bodies"]["arm"]
 STOPS = {"stiffness": 200.0, "lower": -1e-4, "upper": 1e-3}
 LATCH = {"stiffness": 50.0, "damping": 0.1}
-TURNING = {"damping": 0.1, "friction": {"torque": 0.2}, "stops": STOPS, "latch": LATCH | {"angle": 2e-3}}
-SLIDING = {"damping": 0.1, "friction": {"force": 2.0}, "stops": STOPS, "latch": LATCH | {"distance": 2e-3}}
+DAMPER = {"damping": 0.1, "damping_table": [[-1.0, -3.0], [0.0, 0.0], [0.1, 2.0]]}
+TURNING = DAMPER | {"friction": {"torque": 0.2}, "stops": STOPS, "latch": LATCH | {"angle": 2e-3}}
+SLIDING = DAMPER | {"friction": {"force": 2.0}, "stops": STOPS, "latch": LATCH | {"distance": 2e-3}}
 PULL = [0.1, 0.2, 0.3]
 
 

@@ -13,7 +13,7 @@ from hfsim.mechanics.friction import Friction
 from hfsim.mechanics.latches import Latch
 from hfsim.mechanics.resistances import LinearSpring, Stop
 from hfsim.mechanics.spatial_turns import about
-from hfsim.mechanics.tabled import TableSpring
+from hfsim.mechanics.tabled import Curve, TableDamper, TableSpring
 from hfsim.mechanics.ties import DistanceTie, GapTie, tie_on
 
 RESISTANCES = {
@@ -26,6 +26,7 @@ RESISTANCES = {
     "stop below": Stop(-0.4, -1.0, 200.0, 0.0, 0.3),
     "damped stop above": Stop(0.4, 1.0, 200.0, 0.7, 0.3),
     "damped stop below": Stop(-0.4, -1.0, 200.0, 0.7, 0.3),
+    "damper of a table": TableDamper(Curve.through([(-9.0, -50.0), (0.0, 0.0), (2.0, 4.0), (5.0, 5.0), (7.0, 60.0)])),
     "latch": Latch(0.3, 50.0, 0.0, since=np.array([0.2])),
     "damped latch": Latch(0.3, 50.0, 0.8, since=np.array([0.2])),
 }

@@ -10,7 +10,7 @@ from hfsim.mechanics.resistances import LinearSpring, Resistance
 from hfsim.mechanics.tabled import TableSpring
 from hfsim.parts.specs import SpringSpec
 
-_FORCES = ("stiffness", "damping", "friction", "stops", "latch", "preload")
+_FORCES = ("stiffness", "damping", "damping_table", "friction", "stops", "latch", "preload")
 """Keys that give a force where they are not zero."""
 
 
@@ -19,6 +19,7 @@ class CoordinateSpringSpec(SpringSpec):
 
     stiffness: Any
     damping: Any
+    damping_table: Any
     friction: Any
     stops: Any
     latch: Any
@@ -44,4 +45,4 @@ class CoordinateSpringSpec(SpringSpec):
         linear = LinearSpring(self.stiffness, self.damping, rest, self.preload)
         springs = (linear,) if self.table is None else (TableSpring.through(self.table, rest),)
         damper = (linear,) if self.table is not None and self.damping else ()
-        return (*springs, *damper, *self.contacts)  # type: ignore[attr-defined]
+        return (*springs, *damper, *self.others)  # type: ignore[attr-defined]
