@@ -89,6 +89,7 @@ EXAMPLES = {
     "spring": {
         "rotational": {"between": ["ground", "hub"], "stiffness": 3.0, "damping": 0.1},
         "two_point": {"between": TO_ARM, "stiffness": 3.0, "damping": 0.1},
+        "coupling": {"of": {"pin": 1.0, "elbow": -2.0}, "stiffness": 3.0, "damping": 0.1},
     },
     "load": {
         "force": AT_TIP | {"force": [0.1, 0.2]},

@@ -3,7 +3,7 @@
 Checks and rules ask these facts; they know no kind of body, joint, spring or load by name.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from hfsim.deck.fields import Between, split_point
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from hfsim.mechanics.force import ForcePart
     from hfsim.mechanics.markers import Marker
     from hfsim.mechanics.resistances import Resistance
+    from hfsim.mechanics.ties import Tie
 
 
 class BodySpec(Spec):
@@ -146,6 +147,18 @@ class SpringSpec(Spec):
         between: tuple[str, str]
         stiffness: float
         damping: float
+
+    @property
+    def on(self) -> Mapping[str, Any]:
+        """The joints and springs whose coordinates it is on, by their names; none where it has two points."""
+        return {}
+
+    def bind(self, *known: Mapping[str, Any]) -> None:
+        """Take note of these, of all joints and springs by name."""
+
+    def coupling(self, parts: "Sequence[Tie]", start: Array) -> "ForcePart":
+        """Return the force on what parts measure, in a scene with coordinates (n,) at the start."""
+        raise NotImplementedError
 
     @property
     def points(self) -> tuple[str, ...]:

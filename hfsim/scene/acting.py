@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,10 +13,14 @@ from hfsim.mechanics.body import Body
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.system import System
+from hfsim.parts.specs import SpringSpec
 from hfsim.scene.facing import Facings
 from hfsim.scene.full_turns import FullTurns
 from hfsim.scene.rules import LeftOut
 from hfsim.scene.schema import Deck
+
+if TYPE_CHECKING:
+    from hfsim.mechanics.ties import Tie
 
 
 def acting(
@@ -88,11 +93,14 @@ def _ties(
     deck: Deck, marker: Callable[[str], Marker], x: Array
 ) -> Iterator[tuple[str, tuple[str, ...], Sequence[float] | None, ForcePart]]:
     """Yield, with its item, points and axis, what acts between two bodies."""
+    facings = Facings(deck)
     for name, spring in deck.springs.items():
+        if spring.on:
+            yield from _coupled(f"springs.{name}", spring, marker, facings, x)
+            continue
         first, second = map(marker, spring.between)
         axis = getattr(spring, "axis", None)
         yield f"springs.{name}", spring.between, axis, spring.build(first, second, x)
-    facings = Facings(deck)
     for name, joint in deck.joints.items():
         for key, held, resistances in joint.resisted(*facings.of(joint)):
             item = f"joints.{name}.{key}" if key else f"joints.{name}"
@@ -101,6 +109,42 @@ def _ties(
             first, second = map(marker, joint.between)
             axis = getattr(joint, "axis", None)
             yield item, joint.between, axis, tie_on(held, first, second, resistances)
+
+
+def _coupled(
+    item: str, spring: SpringSpec, marker: Callable[[str], Marker], facings: Facings, x: Array
+) -> Iterator[tuple[str, tuple[str, ...], Sequence[float] | None, ForcePart]]:
+    """Yield what counts turns of angles that a coupling adds up, then the coupling, as they begin by then."""
+    from hfsim.mechanics.coupled import NO_FORCE, CountingTie
+    from hfsim.mechanics.ties import GapTie
+
+    parts = []
+    for key, entry in spring.on.items():
+        part = measuring(entry, marker, facings, x, key.partition(".")[2])
+        assert part is not None
+        if isinstance(part, GapTie) and part.counter is not None:
+            counting = CountingTie(part.first, part.second, (NO_FORCE,), part.measure, part.counter)
+            yield f"{item}.of.{key}", entry.between, getattr(entry, "axis", None), counting
+        parts.append(part)
+    yield item, (), None, spring.coupling(parts, x)
+
+
+def measuring(
+    entry: Any, marker: Callable[[str], Marker], facings: Facings, x: Array, key: str = "", unit: str = ""
+) -> Tie | None:
+    """Return what measures a coordinate of a joint or a spring, by its key or its unit, without acting on it.
+
+    None is returned where nothing does.
+    """
+    from hfsim.mechanics.ties import tie_on
+
+    first, second = map(marker, entry.between)
+    if isinstance(entry, SpringSpec):
+        return replace(entry.build(first, second, x), resistances=())  # type: ignore[call-arg, return-value]
+    axes = first.n_axes == 1, second.n_axes == 1
+    own = (held for name, held in entry.coordinates(*facings.of(entry)) if not key or name == key)
+    known = (tie_on(held, first, second, ()) for held in own if held.fits(*axes))
+    return next((tie for tie in known if not unit or tie.unit == unit), None)
 
 
 def _loads(

@@ -9,7 +9,6 @@ from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
-from hfsim.deck.fields import split_point
 from hfsim.integrators import Recordings, steps_in_absolute_coordinates
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
@@ -36,7 +35,7 @@ from hfsim.scene.memory import refuse_too_large
 from hfsim.scene.points import find_marker
 from hfsim.scene.posed import posing
 from hfsim.scene.redundancy import Redundancy, redundancy
-from hfsim.scene.rules import LeftOut, apply_rules, connected, keeps, still_bodies, welds
+from hfsim.scene.rules import LeftOut, apply_rules, connected, keeps, owners, still_bodies, welds
 from hfsim.scene.schema import Deck
 from hfsim.scene.start import assembled
 from hfsim.scene.stated import Start
@@ -298,7 +297,7 @@ def _part(scene: Scene, group: tuple[str, ...], still: tuple[str, ...]) -> Part:
     deck, there = scene.deck, {"ground", *group, *still}
 
     def tied(entries: dict[str, Any]) -> dict[str, Any]:
-        return {k: e for k, e in entries.items() if {split_point(end)[0] for end in e.between} <= there}
+        return {k: e for k, e in entries.items() if owners(e) <= there}
 
     update = {
         "bodies": {name: spec for name, spec in deck.bodies.items() if name in there},

@@ -72,7 +72,7 @@ class ChannelNames:
             return None
         for key, kinds in (("joint", JOINTS), ("spring", SPRINGS)):
             if owner in (self.declared.names(f"{key}s") or ()):
-                units = _measured(self.declared.map(f"{key}s", owner), kinds)
+                units = measured(self.declared.map(f"{key}s", owner), kinds)
                 units += ("",) if units or key == "joint" else ()
                 return self._known(lambda one: one.subject in OWNERS[key] and one.measured in units)  # noqa: B023
         return None
@@ -120,7 +120,7 @@ class ChannelNames:
         return [self.declared.map("sections", str(one.get("section"))) for one in named]
 
 
-def _measured(entry: Mapping[str, Any], kinds: Mapping[str, str]) -> tuple[str, ...]:
+def measured(entry: Mapping[str, Any], kinds: Mapping[str, str]) -> tuple[str, ...]:
     """Return the units of what a joint or a spring measures."""
     spec = kinds.get(str(entry.get("type")))
     spec = at(spec) if isinstance(spec, str) else spec

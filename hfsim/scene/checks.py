@@ -11,8 +11,9 @@ from hfsim.deck.reader import Path
 from hfsim.deck.source import did_you_mean, entry_at
 from hfsim.deck.spec import Around, Complaint, at
 from hfsim.parts.channels import scene_words
+from hfsim.parts.forces import SPRINGS
 from hfsim.parts.joints import JOINTS
-from hfsim.scene.channel_names import ChannelNames
+from hfsim.scene.channel_names import ChannelNames, measured
 from hfsim.scene.declared import Declared
 from hfsim.scene.initial import AT_REST, STEADY, InitialSpec
 from hfsim.scene.posed import COORDINATES, left_free
@@ -133,6 +134,7 @@ def _connections(declared: Declared) -> Iterator[Complaint]:
         for name, entry in declared.maps(kind).items():
             yield from _ends(declared, (kind, name, "between"), entry.get("between"))
             yield from _geared(declared, (kind, name), entry) if entry.get("type") == "gear" else ()
+            yield from _coupled(declared, (kind, name, "of"), entry.get("of"))
     for name, load in declared.maps("loads").items():
         yield from _beam_under(declared, name, load.get("on"))
         point, path = load.get("at"), ("loads", name, "at")
@@ -158,6 +160,29 @@ def _geared(declared: Declared, path: Path, entry: dict[str, Any]) -> Iterator[C
         elif place != ("carrier",) and name == owner:
             why = f"'{name}' is the carrier itself"
             yield Complaint((*path, *place), why, "name that on which both turn")
+
+
+def _coupled(declared: Declared, path: Path, of: Any) -> Iterator[Complaint]:
+    """Yield what a coupling names that is no joint or spring, has no coordinate, or several."""
+    if not isinstance(of, dict) or None in (declared.names("joints"), declared.names("springs")):
+        return
+    kinds = {name: (entry, JOINTS) for name, entry in declared.maps("joints").items()}
+    every = {name: (entry, SPRINGS) for name, entry in declared.maps("springs").items()} | kinds
+    for key in of:
+        name, _, coordinate = str(key).partition(".")
+        if name not in every:
+            others = [one for one, (entry, kinds) in every.items() if measured(entry, kinds)]
+            yield Complaint((*path, key), f"there is no joint or spring '{name}'", did_you_mean(name, others))
+            continue
+        units = measured(*every[name])
+        known = ("turning", "sliding") if len(units) > 1 else ()
+        if not units or every[name][0].get("type") == "coupling":
+            yield Complaint((*path, key), f"'{name}' has no angle or distance of its own")
+        elif known and coordinate not in known:
+            both = " or ".join(f"'{name}.{one}'" for one in known)
+            yield Complaint((*path, key), f"'{name}' has two coordinates", both)
+        elif coordinate and not known:
+            yield Complaint((*path, key), f"'{name}' has one coordinate", f"'{name}'")
 
 
 def _beam_under(declared: Declared, load: str, beam: Any) -> Iterator[Complaint]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -14,6 +15,7 @@ from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.channels import ChannelKind, kind_of
 from hfsim.parts.forces import AnySpring
 from hfsim.parts.joints import AnyJoint
+from hfsim.scene.acting import measuring
 from hfsim.scene.facing import Facings
 from hfsim.scene.full_turns import FullTurns
 from hfsim.scene.gauging import Assembled
@@ -59,15 +61,9 @@ def _acting(scene: Measured, name: str, unit: str) -> Tie | None:
 
 def _idle(scene: Measured, name: str, unit: str) -> Tie | None:
     """Return what measures a coordinate without acting on it."""
-    from hfsim.mechanics.ties import tie_on
-
-    deck = scene.deck
-    a, b = (scene.marker(point, held=True) for point in _tied(deck, name).between)
-    if name not in deck.joints:
-        return deck.springs[name].build(a, b, scene.system.absolute(scene.q[None])[0])
-    own = (held for _, held in deck.joints[name].coordinates(*Facings(deck).of(deck.joints[name])))
-    known = (tie_on(held, a, b, ()) for held in own if held.fits(a.n_axes == 1, b.n_axes == 1))
-    return next((tie for tie in known if tie.unit == unit), None)
+    deck, x = scene.deck, scene.system.absolute(scene.q[None])[0]
+    marker = partial(scene.marker, held=True)
+    return measuring(_tied(deck, name), marker, Facings(deck), x, unit=unit)
 
 
 def _tied(deck: Deck, name: str) -> AnyJoint | AnySpring:

@@ -278,6 +278,8 @@ class Deck(Spec):
         # gravity of two numbers in space is refused: nothing else of the deck is taken as planar for it
         beams = {k: b.in_space(n_dim) for k, b in self.bodies.items() if isinstance(b, BeamSpec)}
         object.__setattr__(self, "bodies", {**self.bodies, **beams})
+        for spring in self.springs.values():
+            spring.bind(self.joints, self.springs)
         filled = {**vars(self.output)}
         filled["interval"] = self.output.interval or self.solve.duration / 200
         filled["channels"] = self.output.channels or default_channels(self.bodies, n_dim)

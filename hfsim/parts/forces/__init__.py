@@ -8,18 +8,20 @@ from typing import TYPE_CHECKING, Annotated
 from hfsim.deck.spec import OneOf, Spec
 
 if TYPE_CHECKING:
+    from hfsim.parts.forces.coupling import CouplingSpec
     from hfsim.parts.forces.distributed import DistributedSpec
     from hfsim.parts.forces.force import ForceSpec
     from hfsim.parts.forces.moment import MomentSpec
     from hfsim.parts.forces.rotational import RotationalSpec
     from hfsim.parts.forces.two_point import TwoPointSpec
 
-    AnySpring = RotationalSpec | TwoPointSpec
+    AnySpring = RotationalSpec | TwoPointSpec | CouplingSpec
     AnyLoad = ForceSpec | MomentSpec | DistributedSpec
 
 SPRINGS = {
     "rotational": "hfsim.parts.forces.rotational.RotationalSpec",
     "two_point": "hfsim.parts.forces.two_point.TwoPointSpec",
+    "coupling": "hfsim.parts.forces.coupling.CouplingSpec",
 }
 LOADS = {
     "force": "hfsim.parts.forces.force.ForceSpec",
