@@ -58,7 +58,7 @@ class Scene:
     q, v : ndarray, shape (n,)
         State at the start, consistent with the joints.
     start_angles : dict of str to float
-        Angle of each body frame at the start, with the full turns the deck states [rad].
+        Those of body frames, and of `measured.uncounted`, with the full turns that the deck states [rad].
     left_out : LeftOut
         What the rules found that the scene does not need.
     assembly : Assembly
@@ -254,12 +254,12 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
     q, v = system.project(np.zeros(1), q, v)
     scene = replace(scene, system=system, q=q[0], v=v[0], redundancy=found)
     refuse_unread(loaded, scene)
+    scene = replace(scene, start_angles={**angles, **start_turns(scene)})
     if deck.resting or deck.steady is not None:
         from hfsim.scene.resting import at_rest
 
-        scene = replace(scene, **at_rest(scene)._asdict())
-    turns = start_turns(scene)
-    return replace(scene, start_angles={**scene.start_angles, **turns}) if turns else scene
+        return replace(scene, **at_rest(scene)._asdict())
+    return scene
 
 
 def _kinds(loaded: LoadedDeck, models: Mapping[str, str]) -> dict[str, Model]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,13 +19,14 @@ from hfsim.mechanics.resistances import Control, Push
 from hfsim.mechanics.statics.closing import Closing
 from hfsim.mechanics.statics.equilibrium import Equilibrium, Search
 from hfsim.mechanics.statics.newton import NotFoundError
-from hfsim.mechanics.statics.problem import Problem, State, Watch, Weighted
+from hfsim.mechanics.statics.problem import Problem, State, Weighted
 from hfsim.mechanics.statics.relaxation import ENDLESS
 from hfsim.mechanics.system import System
 from hfsim.mechanics.ties import Tie
 from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.acting import undirected
 from hfsim.scene.gauging import Assembled, gauge_of
+from hfsim.scene.measured import Measured, uncounted
 
 FELT = 1e-3
 """Part of the fastest rate that counts as motion of a body."""
@@ -64,28 +65,37 @@ class Turns:
     q : ndarray, shape (1, n)
         State last kept.
     angles : dict of str to float
-        Angles of the bodies in the plane whose coordinates do not have them [rad].
+        Angles of the bodies in the plane whose coordinates do not have them, and of joints and springs that
+        channels ask for and nothing else counts [rad].
     """
 
-    def __init__(self, scene: Assembled) -> None:
-        self._scene, self.q = scene, scene.q[None]
-        self.expand = scene.system.reduction.expand
-        plane = scene.deck.dimension == 2
-        own = (k for k, body in scene.bodies.items() if plane and body.angle_column is None)
-        self.angles = {name: scene.start_angles[name] for name in own}
+    def __init__(self, scene: Measured) -> None:
+        self._scene, self.expand = scene, scene.system.reduction.expand
+        plane, bodies = scene.deck.dimension == 2, scene.bodies.items()
+        own = (name for name, body in bodies if plane and body.angle_column is None)
+        self._angle_of: dict[str, Callable[[Array], Array]] = {
+            **{name: scene.marker(name).angle for name in own},
+            **{name: tie.angle for name, tie in uncounted(scene).items()},
+        }
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin anew where the scene starts."""
+        self.q = self._scene.q[None]
+        self.angles = {name: self._scene.start_angles[name] for name in self._angle_of}
 
     def __call__(self, load: float, state: State) -> None:
         """Go on to a state."""
-        scene, x = self._scene, self.expand(state.z)
-        self.q = scene.system.state(x, np.zeros_like(x), self.q)[0]
+        x = self.expand(state.z)
+        self.q = self._scene.system.state(x, np.zeros_like(x), self.q)[0]
         for name, near in self.angles.items():
-            self.angles[name] = near + float(wrap(scene.marker(name).angle(x) - near)[0])
+            self.angles[name] = near + float(wrap(self._angle_of[name](x) - near)[0])
 
 
 def problem_of(
     scene: Assembled,
     t: float = 0.0,
-    watch: Watch | None = None,
+    turns: Turns | None = None,
     varied: Collection[str] | None = None,
     bodies: Collection[str] | None = None,
     x: Array | None = None,
@@ -95,8 +105,8 @@ def problem_of(
 
     Parameters
     ----------
-    watch : callable, optional
-        Told the load factor and each state that is kept on the way.
+    turns : Turns, optional
+        Told the load factor and each state that is kept on the way, and when the way begins anew.
     varied : collection of str, optional
         Names of the loads and motors that the load factor is of, ``gravity`` among them; all without it.
     bodies : collection of str, optional
@@ -126,10 +136,11 @@ def problem_of(
     def kept(load: float, state: State) -> None:
         if (lost := beyond_mesh(scene, t, system.reduction.expand(state.z))) is not None:
             raise NotFoundError(str(lost), state)
-        if watch is not None:
-            watch(load, state)
+        if turns is not None:
+            turns(load, state)
 
-    return Problem.of(system, t, z, forces, gauge, kept)
+    problem = Problem.of(system, t, z, forces, gauge, kept)
+    return problem if turns is None else replace(problem, restart=turns.begin)
 
 
 def equilibrium_of(

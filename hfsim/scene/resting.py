@@ -45,7 +45,7 @@ class Rest(NamedTuple):
     ----------
     q, v : ndarray, shape (n,)
     start_angles : dict of str to float
-        Angles of body frames [rad].
+        Angles of body frames, and of joints and springs whose turns nothing else counts [rad].
     rest : tuple of str
         What is to be told of it.
     """
@@ -81,7 +81,7 @@ def at_rest(scene: Measured) -> Rest:
     return _begun(scene, turns, x, _rates(scene, x), told)
 
 
-def _steady(scene: Assembled) -> Rest:
+def _steady(scene: Measured) -> Rest:
     """Return the start in steady rotation.
 
     Raises
@@ -176,7 +176,7 @@ def _balanced(scene: Assembled, x: Array, turning: Turning) -> bool:
     return bool(np.all(np.abs(rates @ force) <= BALANCED * (np.abs(rates) @ np.abs(force))))
 
 
-def _begun(scene: Assembled, turns: Turns, x: Array, u: Array, told: tuple[str, ...]) -> Rest:
+def _begun(scene: Measured, turns: Turns, x: Array, u: Array, told: tuple[str, ...]) -> Rest:
     """Return the start at coordinates and rates (1, n_x)."""
     q, v = scene.system.state(x, u, turns.q)
     q, v = scene.system.project(np.zeros(1), q, v)

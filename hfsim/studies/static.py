@@ -186,6 +186,18 @@ class _Row(NamedTuple):
     angles: dict[str, float]
 
 
+class _Rows(Turns):
+    """Keeps the states of a path too."""
+
+    def begin(self) -> None:
+        super().begin()
+        self.rows: list[_Row] = []
+
+    def __call__(self, load: float, state: State) -> None:
+        super().__call__(load, state)
+        self.rows.append(_Row(load, self.q, dict(self.angles)))
+
+
 def _rested(scene: Scene, wish: Wish) -> tuple[list[_Row], Equilibrium, dict[str, Any]]:
     """Return the equilibrium."""
     turns = Turns(scene)
@@ -197,20 +209,16 @@ def _rested(scene: Scene, wish: Wish) -> tuple[list[_Row], Equilibrium, dict[str
 
 def _followed(scene: Scene, wish: Wish) -> tuple[list[_Row], Equilibrium, dict[str, Any]]:
     """Return the path."""
-    turns, rows = Turns(scene), list[_Row]()
-
-    def keep(load: float, state: State) -> None:
-        turns(load, state)
-        rows.append(_Row(load, turns.q, dict(turns.angles)))
-
-    problem = problem_of(scene, wish.t, keep, wish.varied)
+    kept = _Rows(scene)
+    problem = problem_of(scene, wish.t, kept, wish.varied)
     path, why, lost = _along(problem)
     points = path.points
     if not points:
-        rows, state = [_Row(0.0, scene.q[None], Turns(scene).angles)], path.problem.start
+        kept.begin()
+        rows, state = [_Row(0.0, kept.q, kept.angles)], path.problem.start
         values: Array = np.zeros(0)
     else:
-        rows, state, values = rows[-len(points) :], points[-1].state, points[-1].values
+        rows, state, values = kept.rows[-len(points) :], points[-1].state, points[-1].values
     nothing = np.zeros((0, state.z.shape[1]))
     loose = points[-1].problem.free if points else None
     free = nothing if loose is None else loose

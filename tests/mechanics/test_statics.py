@@ -13,14 +13,23 @@ from solved import doubts
 
 import hfsim
 from hfsim.errors import SolverFailure
+from hfsim.mechanics.statics.newton import Effort
 from hfsim.mechanics.statics.problem import Problem, State, Tangent
-from hfsim.mechanics.statics.relaxation import ENDLESS
+from hfsim.mechanics.statics.relaxation import ENDLESS, relaxed
 from hfsim.mechanics.turning import Turning
 from hfsim.scene.build import build
-from hfsim.scene.equilibrium import equilibrium_of, held_by_nothing, problem_of, rigid_motions, why_not
+from hfsim.scene.equilibrium import (
+    Turns,
+    equilibrium_of,
+    held_by_nothing,
+    problem_of,
+    rigid_motions,
+    why_not,
+)
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.shipped import find_deck
-from hfsim.studies.static import failure_of, run_static
+from hfsim.simulate import simulate
+from hfsim.studies.static import Wish, failure_of, run_static
 
 BEAM = """
 hfsim: 1
@@ -401,6 +410,39 @@ def test_turns_of_a_coil_are_counted(space):
     x = at_rest(scene)
     first = scene.marker("arm").turned(x, np.array([1.0, 0.0, 0.0][: 3 if space else 2]))[0]
     assert first[:2] == pytest.approx((np.cos(15.0), np.sin(15.0)), abs=1e-10)
+
+
+FLAP = """
+hfsim: 1
+gravity: [0, 0, 0]
+bodies: {flap: {type: rigid, mass: 1.0, inertia: [0.01, 0.1, 0.1], points: {in: [-0.3, 0, 0]}}}
+joints: {hinge: {type: revolute, between: [ground, flap.in], axis: [0, 1, 1]}}
+springs: {coil: {type: rotational, between: [ground, flap.in], axis: [0, 1, 1], stiffness: 0.5}}
+initial: {hinge: {angle: -20 deg}}
+solve: {duration: 0.1}
+output: {channels: [hinge.angle, coil.angle], plots: false}
+"""
+
+
+@pytest.mark.parametrize("rest", [240.0, 700.0, -300.0])
+def test_turns_of_a_joint_on_which_nothing_acts_are_counted_on_the_way_to_rest(rest):
+    def deck(*changes):
+        return parse_deck(FLAP, overrides=[f"springs.coil.rest_angle={rest} deg", *changes])
+
+    begun = simulate(deck("initial.equilibrium=true"), error_estimate=False)
+    for run in (run_static(deck()), run_static(deck(), Wish(path=True)), begun):
+        for name in ("hinge.angle", "coil.angle"):
+            assert np.rad2deg(run[name]) == pytest.approx(np.full_like(run.t, rest), abs=1e-6)
+
+
+def test_a_search_that_begins_anew_counts_turns_from_the_start():
+    scene = build(parse_deck(FLAP, overrides=["springs.coil.rest_angle=240 deg"]))
+    turns = Turns(scene)
+    problem = problem_of(scene, 0.0, turns)
+    relaxed(problem, problem.begin(), Effort())
+    assert np.rad2deg(turns.angles["hinge"]) == pytest.approx(240.0, abs=1e-6)
+    turns(0.0, problem.begin())
+    assert np.rad2deg(turns.angles["hinge"]) == pytest.approx(-20.0, abs=1e-6)
 
 
 DRIVEN = """

@@ -127,6 +127,8 @@ class Problem:
         The angles whose turns are counted, where they were at the start.
     watch : callable
         Told the load factor and each state that is kept on the way; may raise `NotFoundError`.
+    restart : callable
+        Told that the way begins anew at the start.
     turning : Turning or None
         Steady rotation as seen from which the system is to stand still; its inertia grows with the load.
     hold : float
@@ -144,6 +146,7 @@ class Problem:
     gauge: Gauge
     counted: list[tuple[ForcePart, float]] = field(default_factory=list)
     watch: Watch = lambda load, state: None
+    restart: Callable[[], None] = lambda: None
     turning: Turning | None = None
     hold: float = 0.0
     free: Array | None = None
@@ -165,6 +168,7 @@ class Problem:
         for part, angle in self.counted:
             if part.counter is not None:
                 part.counter.suppose(float(self.t[0]), angle)
+        self.restart()
         return self.start
 
     def note(self, load: float, state: State) -> None:
