@@ -435,6 +435,40 @@ def test_turns_of_a_joint_on_which_nothing_acts_are_counted_on_the_way_to_rest(r
             assert np.rad2deg(run[name]) == pytest.approx(np.full_like(run.t, rest), abs=1e-6)
 
 
+@pytest.mark.parametrize("rest", [60.0, 100.0, 240.0])
+def test_a_scene_without_loads_does_not_snap_beyond_a_share_of_them(rest):
+    """What holds it back at first does not turn with it, and has a limit that no load has."""
+    run = run_static(parse_deck(FLAP, overrides=[f"springs.coil.rest_angle={rest} deg"]))
+    assert run.status == "done" and run.statistics["limit"] is None and not run.statistics["warnings"]
+    assert np.rad2deg(run.final["hinge.angle"]) == pytest.approx(rest, abs=1e-6)
+
+
+TOGGLE = """
+hfsim: 1
+gravity: [0, 0]
+bodies:
+  wall: {type: rigid, mass: 1.0, inertia: 0.1, points: {eye: [1, 0]}}
+  block: {type: rigid, mass: 1.0, inertia: 0.1}
+joints:
+  bolts: {type: fixed, between: [ground, wall]}
+  guide: {type: prismatic, between: [ground, block], axis: [0, 1]}
+springs: {coil: {type: two_point, between: [wall.eye, block], stiffness: 100, rest_length: 1.1}}
+loads: {push: {type: force, at: block, force: [0, -4]}}
+initial: {guide: {distance: 0.35}}
+solve: {duration: 1}
+"""
+
+
+@pytest.mark.parametrize("height", [0.35, 0.3, 0.6])
+def test_the_limit_of_the_loads_is_that_of_their_path_wherever_the_scene_starts(height):
+    deck = parse_deck(TOGGLE, overrides=[f"initial.guide.distance={height}"])
+    y = np.linspace(0.0, 0.5, 100001)
+    limit = float(np.max(100.0 * (1.1 / np.hypot(1.0, y) - 1.0) * y)) / 4.0
+    run, path = run_static(deck), run_static(deck, Wish(path=True))
+    assert run.statistics["limit"] == pytest.approx(limit, rel=1e-4)
+    assert path.statistics["limits"][0] == pytest.approx(limit, rel=1e-7)
+
+
 def test_a_search_that_begins_anew_counts_turns_from_the_start():
     scene = build(parse_deck(FLAP, overrides=["springs.coil.rest_angle=240 deg"]))
     turns = Turns(scene)

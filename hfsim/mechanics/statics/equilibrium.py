@@ -9,8 +9,9 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
+from hfsim.mechanics.statics.beginning import begun
 from hfsim.mechanics.statics.newton import Effort, NotFoundError, stepped
-from hfsim.mechanics.statics.problem import Problem, State
+from hfsim.mechanics.statics.problem import Level, Problem, State
 from hfsim.mechanics.statics.relaxation import relaxed
 from hfsim.mechanics.statics.stability import Signs, neutral
 
@@ -91,6 +92,33 @@ class Search:
 
     def found(self) -> Equilibrium:
         """Return the place of rest, or what was reached."""
+        found = self._sought()
+        told = found.limit is not None or found.crossed is not None
+        if found.reason or not told or self.problem.turning is not None or not self.problem.thrown:
+            return found
+        return self._of_loads(found)
+
+    def _of_loads(self, found: Equilibrium) -> Equilibrium:
+        """Return it with limit and crossing only as far as the loads lead to them.
+
+        What is out of balance without them is let go on the way too, and held back by forces that bodies turn
+        away from: these have limits of their own.  So loads are put on once more, from a rest without them.
+        """
+        with self.problem.apart() as problem:
+            try:
+                problem, state = begun(problem, Effort())
+            except NotFoundError:
+                return found
+            least, problem = problem.least, problem.starting(state)
+            signs = Signs(problem)
+            share, end = stepped(problem, Effort(), lambda part: Level(least + part * (1.0 - least)), signs)
+        if share < 1.0:
+            return found if found.limit is None else replace(found, limit=least + share * (1.0 - least))
+        if self.problem.moved(end.z - found.state.z) > STAYED:
+            return found
+        return replace(found, limit=None, crossed=signs.crossed)
+
+    def _sought(self) -> Equilibrium:
         start = self.problem.begin()
         if self.problem.turning is not None:
             # beyond a critical speed too, where stiffness alone holds nothing, and whatever turns freely

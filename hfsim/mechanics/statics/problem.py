@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import field
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -171,6 +172,27 @@ class Problem:
         self.restart()
         return self.start
 
+    @contextmanager
+    def apart(self) -> Iterator[Problem]:
+        """For the time being, look at other states: nothing is told of them, and turns stay as they are."""
+        counters = [part.counter for part, _ in self.counted if part.counter is not None]
+        before = [(one.noted, one.now) for one in counters]
+        try:
+            yield replace(self, watch=lambda load, state: None, restart=lambda: None)
+        finally:
+            for one, known in zip(counters, before, strict=True):
+                one.take(*known)
+
+    def starting(self, state: State) -> Problem:
+        """Return the problem of going on from a state, with the turns that have been counted so far."""
+        x = self.expand(state.z)
+        known = [
+            (part, float(part.counter.counted(self.t, part.angle(x))[0]))
+            for part, _ in self.counted
+            if part.counter is not None
+        ]
+        return replace(self, start=state, counted=known)
+
     def note(self, load: float, state: State) -> None:
         """Keep a state: tell of it, and count the turns of angles."""
         self.watch(load, state)
@@ -226,6 +248,11 @@ class Problem:
             return np.zeros_like(self.start.z), np.zeros_like(self.start.multipliers)
         force, gap = self._held
         return level.rest * force, level.rest * gap
+
+    @property
+    def thrown(self) -> bool:
+        """Whether anything is out of balance at the start without the loads."""
+        return any(one.any() for one in self._held)
 
     @cached_property
     def _held(self) -> tuple[Array, Array]:
