@@ -109,7 +109,7 @@ def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, guard: P
     if (system.n > DENSE and not system.linearizes) or path.t_start > 0.0 or path.condensed:
         return None
     states = path.at(np.linspace(0.0, path.t_end, _TIMES + 1))
-    speed = _largest_speed(system, *states)
+    speed = _largest_speed(system, *states, max(solve.tolerance, ROUNDING))
     kick = min(KICK * solve.tolerance, _MOST_KICK) * speed * _slow_direction(scene, done)
     apart = _apart(scene, done, solve, guard, kick)
     if apart is None:
@@ -151,10 +151,13 @@ def _of_the_kick(apart: Array, half: Array, extent: float) -> bool:
     return bool(twice or smaller > _SEEN * extent)
 
 
-def _largest_speed(system: System, q: Array, v: Array) -> float:
-    """Return the largest speed of a motion; one at rest, for no share of rounding is a disturbance."""
+def _largest_speed(system: System, q: Array, v: Array, least: float) -> float:
+    """Return the largest speed of a motion; one at rest, for no share of errors is a disturbance.
+
+    What moves by a part of its coordinates that is below this one is at rest but for errors of the steps.
+    """
     x = system.absolute(q)
-    if np.abs(x - x[0]).max(initial=0.0) <= ROUNDING * np.abs(x).max(initial=0.0):
+    if np.abs(x - x[0]).max(initial=0.0) <= least * np.abs(x).max(initial=0.0):
         return 1.0
     return float(np.abs(system.absolute_velocity(q, v)).max())
 

@@ -421,6 +421,33 @@ def test_what_only_rests_under_its_weight_is_told(text, rate, stable):
     assert diagnosed(text, stable).statistics["suspicion"] is None
 
 
+GEARED = """
+hfsim: 1
+bodies:
+  b: {type: rigid, mass: 1.0, inertia: 0.05}
+  a: {type: rigid, mass: 1.0, inertia: 0.2}
+  c: {type: rigid, mass: 1.0, inertia: 0.3}
+joints:
+  jb: {type: revolute, between: [ground, b]}
+  g: {type: gear, between: [a, b], ratio: -2.5}
+  ja: {type: revolute, between: [ground, a]}
+  jc: {type: revolute, between: [ground, c]}
+springs:
+  k1: {type: rotational, between: [ground, a], stiffness: 30.0}
+  k2: {type: rotational, between: [b, c], stiffness: 12.0, damping: 0.02}
+loads: {m: {type: moment, at: c, moment: 2.0}}
+initial: {equilibrium: true}
+solve: {duration: 1.0}
+output: {channels: [a.angle, c.angle]}
+"""
+
+
+@pytest.mark.parametrize("duration", [0.9, 1.0, 1.5, 2.0])
+def test_what_rests_but_for_errors_of_long_steps_is_disturbed_by_more_than_these(duration):
+    run = diagnosed(GEARED, f"solve.duration={duration}")
+    assert run.status == "done" and run.statistics["suspicion"] is None
+
+
 @pytest.mark.parametrize("settings", [("gear", 1e-9), ("gauss", 0.1)])
 def test_errors_that_grow_where_friction_has_eaten_a_disturbance_are_no_instability(settings):
     updates = (f"solve.{name}={value}" for name, value in zip(("method", "tolerance"), settings, strict=True))
