@@ -1009,3 +1009,18 @@ def test_what_has_no_extent_is_drawn(tmp_path):
     )
     done = CliRunner().invoke(app, ["modes", str(deck), "-o", str(tmp_path / "out")])
     assert done.exit_code == 0 and (tmp_path / "out" / "plots" / "modes.png").exists(), done.output
+
+
+BRAKED = """
+hfsim: 1
+bodies: {wheel: {type: rigid, mass: 1.0, inertia: 2.0}}
+joints: {axle: {type: revolute, between: [ground, wheel], friction: {torque: 20.0, velocity: 0.01}}}
+initial: {wheel: {angular_velocity: 0.1}}
+solve: {duration: 1.0}
+"""
+
+
+@pytest.mark.parametrize(("at", "turns"), [(0.01, True), (0.2, False)])
+def test_axes_do_not_turn_with_what_friction_has_stopped_but_for_errors(at, turns):
+    """Slower than 0.01 rad/s it fades with 1000 1/s: after 0.2 s errors of steps are left."""
+    assert (about(parse_deck(BRAKED), at=at).turning is not None) == turns

@@ -382,6 +382,8 @@ def linearised(scene: Scene, q: Array, v: Array, state: str, t: float = 0.0) -> 
     except np.linalg.LinAlgError as error:
         raise ModesError(f"the equations of motion are singular in this state: {error}") from None
     turning = _turning(scene, t, still)
+    if turning is not None and state == "time" and turning.rate * max(t, 1.0) <= scene.deck.solve.tolerance:
+        turning = None  # a run that comes to rest leaves as much
     motions = still if turning is None else small_motions(system, t, x, u, turning)
     return About(scene, state, t, motions)
 
