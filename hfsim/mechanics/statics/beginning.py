@@ -19,22 +19,38 @@ LIGHT = 1e-2
 def begun(problem: Problem, effort: Effort) -> tuple[Problem, State]:
     """Return a problem with the load factor from which it is followed, and the equilibrium there.
 
+    One that is not stable is where the path begins only if the scene starts there, or finds no other.
+
     Raises
     ------
     NotFoundError
         If there is none without the loads, or nothing holds what they push.
     """
-    share, state = stepped(problem, effort, lambda share: Level(0.0, 1.0 - share))
+    problem.begin()
+    thrown = problem.thrown
+    share, state = stepped(problem, effort, _let_go)
     try:
-        if share == 1.0 and not len(_loose(problem, state, 0.0)):
+        values = lowest(problem, state, 0.0)[0] if share == 1.0 else np.zeros(1)
+        loose, stable = bool((values == 0.0).any()), bool((values > 0.0).all())
+        if stable or not (loose or thrown):
             return problem, state
-        return _let_down(problem, effort)
+        try:
+            return _let_down(problem, effort)
+        except NotFoundError:
+            if loose:
+                raise
+        return problem, stepped(problem, effort, _let_go)[1]
     except np.linalg.LinAlgError as error:
         raise NotFoundError(str(error), state) from error
 
 
+def _let_go(share: float) -> Level:
+    """Return the level without loads at which a share of what is out of balance at the start acts."""
+    return Level(0.0, 1.0 - share)
+
+
 def _let_down(problem: Problem, effort: Effort) -> tuple[Problem, State]:
-    """Return the same of a scene in which something is loose without the loads, or at its start."""
+    """Return the same of a scene in which something is loose, or rests on an edge, without the loads."""
     try:
         state = relaxed(problem, problem.begin(), effort, 0.0)
     except NotFoundError as error:
