@@ -295,6 +295,8 @@ def doubts(scene: Assembled, found: Equilibrium, x: Array) -> Iterator[str]:
             f"beyond {found.limit:.4g} of the loads the scene snaps to another place: "
             "hfsim static --path tells what is between"
         )
+    if found.others:
+        yield "the scene has another place of rest: hfsim static --path leads there from a rest without loads"
 
 
 def _passed(part: ForcePart, x: Array) -> bool:

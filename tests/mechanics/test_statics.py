@@ -443,6 +443,16 @@ def test_a_scene_without_loads_does_not_snap_beyond_a_share_of_them(rest):
     assert np.rad2deg(run.final["hinge.angle"]) == pytest.approx(rest, abs=1e-6)
 
 
+def test_another_place_of_rest_to_which_loads_alone_lead_is_told_of():
+    changes = ["springs.coil.rest_angle=100 deg", "initial.hinge.angle=-100 deg"]
+    deck = parse_deck(FLAP + "loads: {pull: {type: force, at: flap, force: [0, -6, 0]}}", overrides=changes)
+    run, path = run_static(deck), run_static(deck, Wish(path=True))
+    assert run.final["hinge.angle"] < 0.0 < path.final["hinge.angle"]
+    assert run.statistics["limit"] is None and path.statistics["limits"] == []
+    (told,) = run.statistics["warnings"]
+    assert told.startswith("the scene has another place of rest")
+
+
 TOGGLE = """
 hfsim: 1
 gravity: [0, 0]

@@ -52,6 +52,8 @@ class Equilibrium:
         Where the search was then.
     crossed : float or None
         Share of the loads from which on there are places of rest on the way that are not stable.
+    others : bool
+        Whether loads that are put on from a rest without them are known to lead to another place of rest.
     """
 
     state: State
@@ -65,6 +67,7 @@ class Equilibrium:
     reason: str = ""
     lost: State | None = None
     crossed: float | None = None
+    others: bool = False
 
     @property
     def stable(self) -> bool:
@@ -115,7 +118,7 @@ class Search:
         if share < 1.0:
             return found if found.limit is None else replace(found, limit=least + share * (1.0 - least))
         if self.problem.moved(end.z - found.state.z) > STAYED:
-            return found
+            return replace(found, limit=None, crossed=None, others=True)
         return replace(found, limit=None, crossed=signs.crossed)
 
     def _sought(self) -> Equilibrium:
