@@ -761,3 +761,20 @@ def test_what_is_loose_turns_along_a_path():
     found = hfsim.static(parse_deck(ON_ITS_ARM), path=True).statistics
     assert found["smallest_eigenvalue"] == pytest.approx(1.0 / 0.4, rel=1e-8)
     assert found["held_by_nothing"] == ["disc: turns about spin, axis [1, 0, 0]"]
+
+
+@pytest.mark.filterwarnings("error")
+def test_weight_along_the_axis_of_a_hinge_is_followed_to_no_overflow():
+    deck = parse_deck("""
+hfsim: 1
+gravity: [0, -9.81, 0]
+bodies:
+  b: {type: rigid, mass: 1.8, inertia: [0.02, 0.05, 0.05], points: {in: [-0.25, 0, 0], out: [0.25, 0, 0]}}
+joints: {j: {type: revolute, between: [ground, b.in], axis: [0, -1, 0]}}
+springs:
+  k: {type: rotational, between: [ground, b.in], axis: [0, -1, 0], stiffness: 29.56, rest_angle: -146.2 deg}
+initial: {j: {angle: -116.4 deg}}
+solve: {duration: 1}
+""")
+    found = hfsim.static(deck, buckling=1).statistics
+    assert found["critical"] == [] and "nothing gives way" in found["critical_reason"]

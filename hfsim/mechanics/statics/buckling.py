@@ -64,6 +64,8 @@ ALIKE = 0.99
 """Cosine of the angle between motions from which on they are the same."""
 FOLLOWED = 80
 """Steps of the load, tried ones too, in which factors are looked for where the start tells none."""
+UNMOVED = 1e-20
+"""What the loads move at first, below which steps are no longer: squares of the load would overflow [rad]."""
 MOVED = 0.3
 """Change of a state from one load to another within which it is the same path [rad]."""
 
@@ -237,7 +239,7 @@ def _crossed(problem: Problem, state: State, effort: Effort, count: int) -> Iter
     """
     load, found = problem.least, 0
     unstable = _unstable(problem, state, load)
-    step = MOVE / max(problem.moved(_answered(problem, state)), 1e-300)
+    step = MOVE / max(problem.moved(_answered(problem, state)), UNMOVED)
     shortest = SHORTEST * step
     for _ in range(FOLLOWED):
         ends, located = (load, load + step), list[Factor]()
