@@ -12,6 +12,7 @@ from pathlib import Path
 
 import click
 import pytest
+import yaml
 from click.testing import CliRunner
 
 from hfsim.cli import app
@@ -112,6 +113,8 @@ def test_commands_and_python_run_as_they_stand(part, capsys):
 @pytest.mark.parametrize("text", [*whole_decks()])
 def test_decks_are_right_and_run(text):
     loaded = parse_deck(text)
+    resolved = parse_deck(yaml.safe_dump(loaded.deck.resolved(), sort_keys=False))
+    assert resolved.deck == loaded.deck.model_copy(update={"sweep": None, "parameters": {}})
     api.check(loaded)
     soon = loaded.deck.solve.duration / 50.0
     run = api.run(loaded, {"solve.duration": soon}, error_estimate=False, diagnosis=False)

@@ -352,7 +352,10 @@ class Deck(Spec):
 
     def resolved(self) -> dict[str, Any]:
         """Return the deck as plain data with defaults filled in and SI numbers; it loads as an equal deck."""
-        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+        data = self.model_dump(mode="json", by_alias=True, exclude_none=True)
+        for name in self.joints.keys() & self.initial.keys():
+            del data["initial"][name]["exact"]  # of bodies alone
+        return data
 
 
 def specs_in(entries: Mapping[str, Any]) -> Iterator[tuple[Path, Spec]]:

@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+import yaml
 
 from hfsim.errors import DeckError
 from hfsim.scene.build import build
@@ -214,7 +215,9 @@ def test_resolved_decks_and_parts_keep_it(monkeypatch):
     loaded = parse_deck(text, "arm.yaml")
     parts = build(loaded).parts
     assert [sorted(part.scene.deck.initial) for part in parts] == [["elbow", "rod", "shoulder"], ["pin"]]
-    assert loaded.deck.resolved()["initial"]["elbow"]["angle"] == pytest.approx(np.radians(400.0))
+    resolved = loaded.deck.resolved()
+    assert resolved["initial"]["elbow"]["angle"] == pytest.approx(np.radians(400.0))
+    assert parse_deck(yaml.safe_dump(resolved)).deck == loaded.deck
     assert starting(text) == pytest.approx(STATED, abs=1e-12)
 
 

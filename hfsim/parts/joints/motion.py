@@ -54,7 +54,8 @@ class MotionSpec(DrivenSpec):
         yield from super().complaints()
         if not any(self.laws):
             yield Complaint((), "a motion needs a law: x, y, z or turn", "or take a fixed joint")
-        stated = [key for key in ("turn", "axis", "angle", "orientation") if key in self.model_fields_set]
+        turns = ("turn", "axis", "angle", "orientation")
+        stated = [key for key in turns if getattr(self, key) not in (None, 0.0)]
         if self.hinged:
             why = "it is hinged: all turns are free"
             yield from (Complaint((key,), why, "remove this key", True) for key in stated)
