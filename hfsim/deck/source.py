@@ -169,6 +169,20 @@ class DeckSource:
         """Return the path that a dotted name stands for; digits count list entries."""
         return path_in(self.data, name)
 
+    def paths_of(self, name: str) -> list[Path]:
+        """Return the paths of all copies that a dotted name stands for where it names patterns."""
+        found: list[Path] = [()]
+        for word in name.split("."):
+            found = [(*path, step) for path in found for step in self._steps(path, word)]
+        return found
+
+    def _steps(self, path: Path, word: str) -> list[str | int]:
+        around = entry_at(self.data, path)
+        if "{" in word and isinstance(around, dict) and word not in around:
+            made_of = {key: str(self.patterns.get((*path, key), "")) for key in around}
+            return [key for key, pattern in made_of.items() if without_ranges(pattern) == word]
+        return [int(word) if isinstance(around, list) and _INDEX.fullmatch(word) else word]
+
     def is_overridden(self, path: Path) -> bool:
         """Tell whether an override set the entry or something that contains it."""
         return bool(self.option_of(path))

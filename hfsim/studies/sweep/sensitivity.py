@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,7 +21,7 @@ from hfsim.simulate import simulate
 from hfsim.studies.collect import Collector
 from hfsim.studies.sweep.plan import VARY, Plan, SweepError, listed
 from hfsim.studies.sweep.result import Sweep
-from hfsim.studies.sweep.study import COLLECT
+from hfsim.studies.sweep.study import COLLECT, refused
 from hfsim.studies.sweep.work import Setting
 
 _AROUND = (1.0, -1.0, 0.5, -0.5)
@@ -103,11 +103,21 @@ def values_of(loaded: LoadedDeck, setting: Setting, vary: Mapping[str, str]) -> 
         value = _number(loaded, path, text)
         if isinstance(value, float):
             found[path] = value
+            wrong += _none_beside(setting, path, value)
         elif why_unset(loaded.source.data, path, Deck) is None:  # else that is told
             wrong.append(DeckProblem(path, *value, file=VARY))
     if wrong:
         raise DeckError(VARY, wrong)
     return found
+
+
+def _none_beside(setting: Setting, path: str, value: float) -> Iterator[DeckProblem]:
+    """Yield that an entry is refused on both sides of its value, as a count is."""
+    step = _SHORTEST * (abs(value) or 1.0)
+    at, above, below = (refused(setting, path, one) for one in (value, value + step, value - step))
+    if at is None and above is not None and below is not None:
+        why = f"has no derivative, as values beside {value:g} are refused: {above.message}"
+        yield DeckProblem(path, why, file=VARY)
 
 
 def plan_differences(setting: Setting, values: dict[str, float]) -> tuple[Plan, Differences]:
@@ -162,7 +172,13 @@ def _number(loaded: LoadedDeck, path: str, text: str) -> float | tuple[str, str]
             what = f"one number in {unit}" if unit else "one number"
             return f"'{text}' is not {what}", "derivatives are at one value, or at the deck's own"
     data: Any = loaded.source.data if path.startswith("parameters.") else loaded.deck.resolved()
-    value = entry_at(data, path_in(data, path))
+    values = [entry_at(data, one) for one in loaded.source.paths_of(path)]
+    if not values:
+        return "the deck has no such pattern", ""
+    value = values[0]
+    if other := next((one for one in values if one != value), None):
+        why = f"its copies differ, as {value} and {other} do, and derivatives are at one value"
+        return why, "vary copies one by one, or a parameter"
     if isinstance(value, str) and path.startswith("parameters."):
         value = (quantity_of_any_kind(value) or (value,))[0]
     if isinstance(value, bool) or not isinstance(value, int | float):

@@ -171,20 +171,20 @@ def refuse_values(setting: Setting, vary: Mapping[str, Values], note: Callable[[
     DeckError
         With all of them.
     """
-    refused, data = list[DeckProblem](), setting.load(()).source.data
+    unfit, data = list[DeckProblem](), setting.load(()).source.data
     for path, values in vary.items():
         if why_unset(data, path, Deck):  # that is told
             continue
-        problems = {one: _problem(setting, path, one) for one in _tried(values)}
+        problems = {one: refused(setting, path, one) for one in _tried(values)}
         wrong = {one: problem for one, problem in problems.items() if problem is not None}
         if wrong and len(wrong) == len(problems):
             first = next(iter(wrong.values()))
-            refused.append(DeckProblem(first.path, first.message, first.hint, file=VARY))
+            unfit.append(DeckProblem(first.path, first.message, first.hint, file=VARY))
             continue
         for one, problem in wrong.items():
             note(f"{path}={written(one)} is refused: {problem.message}; its runs will say so")
-    if refused:
-        raise DeckError(VARY, refused)
+    if unfit:
+        raise DeckError(VARY, unfit)
 
 
 def _tried(values: Values) -> dict[Value, None]:
@@ -199,7 +199,8 @@ def _spread(count: int) -> list[float]:
     return [k * (count - 1) / max(1, most - 1) for k in range(most)]
 
 
-def _problem(setting: Setting, path: str, value: Value) -> DeckProblem | None:
+def refused(setting: Setting, path: str, value: Value) -> DeckProblem | None:
+    """Return why a deck is refused with a value of an entry; None if it is not."""
     try:
         setting.load((f"{path}={written(value)}",))
     except DeckError as error:
