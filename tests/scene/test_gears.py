@@ -160,6 +160,7 @@ def test_angles_that_do_not_mesh_are_guesses_or_refused():
         ("between: [sun, planet2], ratio: 0", ".ratio", "must not be zero"),
         ("between: [sun, planet2], ratio: 2, axis: [1, 0]", ".axis", "nothing slides"),
         ("between: [sun, planet2], radius: 2, angle: 1", ".angle", "a rack has a distance"),
+        ("between: [sun, planet2], radius: 2, axis: [0, 1, 0]", ".axis", "must be a list of 2 numbers"),
         ("between: [sun, planet2], ratio: 2, carrier: arn", ".carrier", "no body 'arn'"),
         ("between: [sun, planet2], ratio: 2, carrier: arm.q", ".carrier", "'arm' has no point 'q'"),
         ("between: [sun, arm], ratio: 2, carrier: arm.p1", ".between.1", "is the carrier itself"),

@@ -40,6 +40,8 @@ class GearSpec(JointSpec):
             yield Complaint(("ratio" if self.radius is None else "radius",), "must not be zero")
         elif self.axis is not None and self.radius is None:
             yield Complaint(("axis",), "nothing slides without a radius", "remove this key", True)
+        elif self.axis is not None and len(self.axis) != 2:
+            yield Complaint(("axis",), "must be a list of 2 numbers: gears are planar")
         elif self.angle and self.ratio is None:
             yield Complaint(("angle",), "a rack has a distance", "shift its point, or the carrier's", True)
 
