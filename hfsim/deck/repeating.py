@@ -62,6 +62,8 @@ class _Repeating:
             return
         for step, one in data.items() if isinstance(data, dict) else enumerate(data):
             here = (*path, step)
+            if here == ("verify",):
+                self._fill_rows(one)
             if here in _LEFT:
                 continue
             with self.values.knowing(self.source.indices.get(here, {})):
@@ -69,6 +71,27 @@ class _Repeating:
                     data[step] = self._plain(here, one)
                 else:
                     self.fill(one, here)
+
+    def _fill_rows(self, verify: Any) -> None:
+        """Put numbers in place of braces in the quantities of published values."""
+        rows = verify.get("rows") if isinstance(verify, dict) else None
+        for number, row in enumerate(rows if isinstance(rows, list) else ()):
+            text = row.get("quantity") if isinstance(row, dict) else None
+            if isinstance(text, str) and "{" in text:
+                with self.values.knowing(self._set_by(row)):
+                    row["quantity"] = self._plain(("verify", "rows", number, "quantity"), text)
+
+    def _set_by(self, row: dict[str, Any]) -> dict[str, float]:
+        """Return the values of the parameters where a row sets some; nothing where it does not."""
+        pairs = row["set"].items() if isinstance(row.get("set"), dict) else ()
+        parts = [(*str(path).partition("."), value) for path, value in pairs]
+        own = {name: value for first, _, name, value in parts if first == "parameters"}
+        stated = self.source.data.get("parameters")
+        if not own or not isinstance(stated, dict | None):
+            return {}
+        changed = Values(DeckSource("", "", {"parameters": {**(stated or {}), **own}}))
+        changed.read()
+        return changed.known
 
     def _fill_map(self, data: dict[str, Any], path: Path) -> None:
         stated = {**data}

@@ -120,6 +120,13 @@ class ChannelNames:
         return [self.declared.map("sections", str(one.get("section"))) for one in named]
 
 
+def no_channel(path: Path, channel: str) -> Iterator[Complaint]:
+    """Yield that a name is that of a channel in no deck at all."""
+    owner, _, quantity = channel.rpartition(".")
+    if not owner or quantity not in CHANNELS:
+        yield _unknown_quantity(path, owner or channel, quantity if owner else "", [*CHANNELS])
+
+
 def measured(entry: Mapping[str, Any], kinds: Mapping[str, str]) -> tuple[str, ...]:
     """Return the units of what a joint or a spring measures."""
     spec = kinds.get(str(entry.get("type")))

@@ -249,10 +249,11 @@ def _load(source: DeckSource, stem: str) -> LoadedDeck:
         entries = _readable_entries(data)
     complaints += islice(complaints_of(data, entries), MOST_PROBLEMS + 1)
     complaints += left_empty(source, Deck)
-    if "verify" in data and all(path[0] == "verify" for path in source.overridden):
+    if "verify" in data:
         from hfsim.scene.published import complaints_of_rows
 
-        complaints += complaints_of_rows(source.data, entries)
+        changed = {str(path[0]) for path in source.overridden} - {"verify"}
+        complaints += complaints_of_rows(source.data, entries, changed, bool(source.patterns))
     if data.get("sweep") is not None:
         from hfsim.scene.swept import complaints_of_sweep
 

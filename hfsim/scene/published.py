@@ -1,7 +1,7 @@
 """What a deck is checked against: published values of its quantities, ``verify`` in a deck."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from typing import Annotated, Any, Literal
 
@@ -133,8 +133,12 @@ def usual_study(quantity: Quantity, wanted: object) -> str:
     return wanted if isinstance(wanted, str) and wanted in quantity.studies else quantity.studies[0]
 
 
-def complaints_of_rows(data: dict[str, Any], entries: Mapping[str, Any]) -> Iterator[Complaint]:
+def complaints_of_rows(
+    data: dict[str, Any], entries: Mapping[str, Any], changed: Collection[str], repeated: bool
+) -> Iterator[Complaint]:
     """Yield rows that do not fit the rest of a deck: what is no channel, comes too late or cannot be set.
+
+    What follows from entries that are set from outside is no fault of the deck.
 
     Parameters
     ----------
@@ -142,25 +146,31 @@ def complaints_of_rows(data: dict[str, Any], entries: Mapping[str, Any]) -> Iter
         Plain data of the deck, its parameters included.
     entries : mapping
         Of each top-level key what could be read.
+    changed : collection of str
+        Top-level keys of entries that are set from outside.
+    repeated : bool
+        Whether there are patterns, of which parameters decide how many copies there are.
     """
+    deciding = (*_WHAT_THERE_IS, "parameters") if repeated else _WHAT_THERE_IS
+    moved = any(key in deciding for key in changed)
     checks, verify = QuantityChecks(data, entries), data["verify"]
     usual = verify.get("study") if isinstance(verify, dict) else None
     for number, row in _rows_in(data):
         at = ("verify", "rows", number)
-        changed = row["set"] if isinstance(row.get("set"), dict) else {}
-        for path in changed:
-            if why := why_unset(data, path, Deck):
+        own = row["set"] if isinstance(row.get("set"), dict) else {}
+        for path in own:
+            if not moved and (why := why_unset(data, path, Deck)):
                 yield Complaint((*at, "set", path), why[0], why[1], True)
         text = row.get("quantity")
         with suppress(QuantityError):
             quantity = read_quantity(text if isinstance(text, str) else "")
-            if not any(path.startswith(_WHAT_THERE_IS) for path in changed):
-                yield from checks.unknown((*at, "quantity"), quantity)
-            if not changed and row.get("study", usual_study(quantity, usual)) == "run":
+            other = moved or any(path.startswith(deciding) for path in own)
+            yield from checks.unknown((*at, "quantity"), quantity, other)
+            if not own and not changed and row.get("study", usual_study(quantity, usual)) == "run":
                 yield from checks.too_late((*at, "quantity"), quantity)
 
 
-_WHAT_THERE_IS = ("bodies", "joints", "sections", "gravity")
+_WHAT_THERE_IS = ("bodies", "joints", "springs", "sections", "gravity")
 """Parts of a deck that decide which channels there are."""
 
 

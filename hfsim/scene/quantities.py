@@ -7,7 +7,7 @@ from hfsim.deck.fields import read_text
 from hfsim.deck.quantities import Quantity, QuantityError, read_quantity
 from hfsim.deck.reader import Path
 from hfsim.deck.spec import Complaint, refusal, shown
-from hfsim.scene.channel_names import ChannelNames
+from hfsim.scene.channel_names import ChannelNames, no_channel
 from hfsim.scene.checks import space_said
 from hfsim.scene.declared import Declared
 
@@ -38,9 +38,11 @@ class QuantityChecks:
         self._names = ChannelNames(Declared(data), space_said(data, entries)[0])
         self._solve = entries["solve"]
 
-    def unknown(self, path: Path, quantity: Quantity) -> Iterator[Complaint]:
-        """Yield that a quantity is of what is no channel."""
-        if quantity.channel:
+    def unknown(self, path: Path, quantity: Quantity, changed: bool = False) -> Iterator[Complaint]:
+        """Yield that a quantity is of what is no channel, where the deck is changed of what none has."""
+        if quantity.channel and changed:
+            yield from no_channel(path, quantity.channel)
+        elif quantity.channel:
             yield from self._names.channel_complaint(path, quantity.channel)
 
     def too_late(self, path: Path, quantity: Quantity) -> Iterator[Complaint]:

@@ -275,6 +275,62 @@ def test_a_time_at_rest_must_have_loads():
         rows_of(late)
 
 
+@pytest.mark.parametrize(
+    ("row", "setting", "told"),
+    [
+        ("final(mass.q)", "solve.duration=2", "rows.0.quantity: 'mass' has no quantity 'q'"),
+        ("final(mas.x)", "solve.duration=2", "rows.0.quantity: there is no body, joint or spring 'mas'"),
+        ("final(mass.q)", "bodies.other={type: rigid, mass: 1, inertia: 1}", "'mass' has no quantity 'q'"),
+        ("final(mas.x)", "bodies.other={type: rigid, mass: 1, inertia: 1}", "no body, joint or spring 'mas'"),
+    ],
+)
+def test_channels_of_rows_are_checked_where_entries_are_set_too(row, setting, told):
+    with pytest.raises(DeckError, match=told):
+        rows_of(MASS.replace("at(0.8, mass.x)", row), setting)
+
+
+def test_what_is_set_makes_no_fault_of_rows():
+    """That of a body that is taken out, or after the end, is told by `verify` alone."""
+    text = MASS.replace("at(0.8, mass.x)", "final(other.x)")
+    text = text.replace("bodies: {", "bodies: {other: {type: rigid, mass: 1, inertia: 1}, ")
+    for setting in ("bodies.other=null", "solve.duration=0.5"):
+        assert parse_deck(text, "mass.yaml", [setting]).published
+    with pytest.raises(DeckError, match=r"rows\.0\.quantity: .*there is no body, joint or spring 'other'"):
+        rows_of(text, "bodies.other=null")
+
+
+MASSES = """
+hfsim: 1
+name: masses
+parameters: {m: 2.0, n: 2, last: "${n}"}
+bodies:
+  mass{k=1..n}: {type: rigid, mass: "${m * k}", inertia: 1.0}
+joints:
+  rail{k=1..n}: {type: prismatic, between: [ground, "mass{k}"]}
+springs:
+  coil{k=1..n}: {type: two_point, between: [ground, "mass{k}"], stiffness: 18.0, rest_length: 0.0}
+initial:
+  mass{k=1..n}: {position: [0.5, 0.0]}
+solve: {duration: 1.0}
+verify:
+  source: closed form
+  bound: 1.0e-8
+  rows:
+    - {quantity: "final(mass{last}.x)", published: "${0.5 * cos(3 / sqrt(2))}"}
+    - {quantity: "final(mass{n - 1}.x)", published: "${0.5 * cos(3)}"}
+    - {quantity: "final(mass{last}.x)", published: "${0.5 * cos(sqrt(12))}",
+       set: {parameters.n: 3, parameters.m: 0.5}}
+"""
+
+
+def test_braces_of_rows_are_worked_out_with_what_the_row_sets():
+    rows = rows_of(MASSES)
+    assert [row.verdict for row in rows] == [HELD] * 3
+    assert [row.quantity for row in rows] == ["final(mass2.x)", "final(mass1.x)", "final(mass3.x)"]
+    with pytest.raises(DeckError, match=r"rows\.1\.quantity: there is no parameter or index 'q'"):
+        rows_of(MASSES.replace("{n - 1}", "{q}"))
+
+
 # --- the command, and from Python ----------------------------------------------------------------
 
 
