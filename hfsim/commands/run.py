@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 import time
@@ -178,7 +179,7 @@ def _target(error: str | None, channels: str | None, budget: float | None) -> It
     if error is not None:
         yield Setting.by("--target-error", f"solve.target_error={error}")
     if channels is not None:
-        yield Setting.by("--target-channels", f"solve.target_channels=[{', '.join(names(channels))}]")
+        yield Setting.by("--target-channels", f"solve.target_channels={json.dumps(names(channels))}")
     if budget is not None:
         yield f"solve.budget={budget}"
 

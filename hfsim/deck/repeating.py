@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 from hfsim.deck.parameters import Values, no_name
 from hfsim.deck.reader import MOST_ENTRIES, Path
 from hfsim.deck.source import DeckSource
+from hfsim.errors import DeckProblem
 
 MOST_COPIES = 10_000
 """Copies of a pattern."""
@@ -17,6 +18,8 @@ _BRACES = re.compile(r"(?<!\$)\{([^{}]*)\}")
 _RANGE = re.compile(r"(?<!\$)\{\s*(\w+)\s*=([^{}]*?)\.\.([^{}]*)\}")
 _LEFT = {("name",), ("parameters",), ("verify",), ("sweep", "vary")}
 """Where braces are none of patterns, or name them."""
+_COLLECT, _CHANNELS, _TEXTS = ("sweep", "collect"), ("output", "channels"), ("texts",)
+"""Lists whose texts may have to be worked out anew, with other parameters."""
 _RANGES = "a range stands in names of entries and in lists"
 
 
@@ -33,6 +36,34 @@ def repeat(source: DeckSource, values: Values) -> None:
     work.fill(source.data, ())
     if work.nameless:
         raise source.error({(one.path, one.message): one for one in source.problems}.values())
+
+
+Key: TypeAlias = tuple[int, tuple[tuple[str, float], ...]]
+"""Number of a text in a list, and the indices of its ranges by name."""
+
+
+def repeated(
+    texts: Sequence[str], known: Mapping[str, float]
+) -> tuple[dict[Key, str], dict[int, DeckProblem]]:
+    """Return the texts that some stand for with values of parameters, and what is wrong, by their numbers.
+
+    Examples
+    --------
+    >>> repeated(["a{k=1..2}.x", "a{n}.y"], {"n": 2.0})[0]
+    {(0, (('k', 1.0),)): 'a1.x', (0, (('k', 2.0),)): 'a2.x', (1, ()): 'a2.y'}
+    """
+    if not any("{" in one for one in texts):
+        return {(number, ()): text for number, text in enumerate(texts)}, {}
+    source = DeckSource("", "", {_TEXTS[0]: [*texts]})
+    repeat(source, Values(source, {**known}))
+    found, wrong = dict[Key, str](), dict[int, DeckProblem]()
+    for problem in source.problems:
+        wrong.setdefault(int(problem.path.rpartition(".")[2]), problem)
+    for place, text in enumerate(source.data[_TEXTS[0]]):
+        number = int(source.patterns.get((*_TEXTS, place), place))
+        if number not in wrong:
+            found[number, tuple(source.indices.get((*_TEXTS, place), {}).items())] = text
+    return found, wrong
 
 
 @dataclass
@@ -54,6 +85,8 @@ class _Repeating:
 
     def fill(self, data: Any, path: Path) -> None:
         """Put copies in place of the patterns in a map or a list, and in those inside."""
+        if path in (_COLLECT, _CHANNELS) and isinstance(data, list):
+            self.source.as_written[path] = [*data]
         if isinstance(data, dict):
             self._fill_map(data, path)
         elif isinstance(data, list):

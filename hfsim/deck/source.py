@@ -145,6 +145,10 @@ class DeckSource:
         Last steps of the paths that copies of patterns stand at in the file, by their own paths.
     indices : dict of tuple to dict
         Indices by name of each copy of a pattern, by its path.
+    as_written : dict of tuple to list
+        Lists of what is written and collected, by their paths, before patterns in them were copied.
+    known : dict of str to float
+        Values of the parameters.
     """
 
     file: str
@@ -159,6 +163,8 @@ class DeckSource:
     others: dict[str, str] = field(default_factory=dict, repr=False)
     patterns: dict[Path, str | int] = field(default_factory=dict, repr=False)
     indices: dict[Path, dict[str, float]] = field(default_factory=dict, repr=False)
+    as_written: dict[Path, list[Any]] = field(default_factory=dict, repr=False)
+    known: dict[str, float] = field(default_factory=dict, repr=False)
 
     @property
     def texts(self) -> dict[str, str]:

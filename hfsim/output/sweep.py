@@ -103,6 +103,8 @@ class Wanted:
         if any(path.startswith("parameters.") for path in self.plan.paths):
             texts = "\n".join([setting.text, *self.loaded.source.others.values()])
             facts["text_sha256"] = hashlib.sha256(texts.encode()).hexdigest()
+        if any("{" in text for text in setting.collected.texts):
+            facts["as_written"] = list(setting.collected.texts)
         return facts
 
 

@@ -27,9 +27,9 @@ from hfsim.output.arguments import (
 from hfsim.output.sweep import KEPT, Rows, Wanted, into_folder, perform, wanted_of
 from hfsim.output.talk import Talk
 from hfsim.studies.sweep.asked import Asked
+from hfsim.studies.sweep.collected import COLLECT
 from hfsim.studies.sweep.plan import SAMPLE, SAMPLER, SEED, TABLE, VARY
 from hfsim.studies.sweep.sensitivity import Sensitivity, sensitivities
-from hfsim.studies.sweep.study import COLLECT
 
 if TYPE_CHECKING:
     from hfsim.output.talk import Destination

@@ -194,6 +194,7 @@ def _worked_out(source: DeckSource, overrides: Sequence[str]) -> DeckSource:
 
         values = Values(source)
         values.read()
+        source.known = values.known
         if "patterns" in said:
             from hfsim.deck.repeating import repeat
 

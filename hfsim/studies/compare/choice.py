@@ -6,10 +6,12 @@ and what is to be known of the choice goes to a function that takes a line of te
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
+from hfsim.deck.repeating import repeated
 from hfsim.deck.source import did_you_mean
 from hfsim.errors import DeckError, HfsimError, NoStartError
 from hfsim.integrators import steps_in_absolute_coordinates
@@ -116,7 +118,7 @@ def without_blind_channels(load: Load, models: Sequence[str], note: Note) -> tup
     if not out or not kept:
         return ()
     note(f"{deck.name}: without strains, model {blind[0]} has no {', '.join(out)}: left out")
-    return (f"output.channels=[{', '.join(kept)}]",)
+    return (f"output.channels={json.dumps(kept)}",)
 
 
 def prepare(
@@ -147,6 +149,7 @@ def prepare(
             if model == reference:
                 raise
             refused[model] = f"{error.problems[0].path}: {error.problems[0].message}"
+    channels = copies_in(channels, decks[reference])
     refuse_unjudged(channels, decks[reference].deck)
     if {"exact", "ancf"} <= set(decks) and frames_serve(decks["exact"], note):
         overrides["exact"] += ("solve.coordinates=frame",)
@@ -167,6 +170,14 @@ def _settings(load: Load, model: str, note: Note) -> tuple[str, ...]:
 def _assembled(loaded: LoadedDeck) -> LoadedDeck:
     check(loaded)
     return loaded
+
+
+def copies_in(channels: Sequence[str], loaded: LoadedDeck) -> tuple[str, ...]:
+    """Return channels with numbers in place of braces; raise `ChoiceError` where one cannot be worked out."""
+    found, wrong = repeated(channels, loaded.source.known)
+    for number, problem in wrong.items():
+        raise ChoiceError(f"channel '{channels[number]}': {problem.message}")
+    return tuple(dict.fromkeys(found.values()))
 
 
 def refuse_unjudged(channels: Sequence[str], deck: Deck) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from hfsim.deck.ranges import Values
 from hfsim.scene.loading import LoadedDeck
+from hfsim.studies.sweep.collected import COLLECT, Collected, read_collected
 from hfsim.studies.sweep.plan import (
     SAMPLE,
     SAMPLER,
@@ -22,7 +23,7 @@ from hfsim.studies.sweep.plan import (
     sample,
     table,
 )
-from hfsim.studies.sweep.study import COLLECT, collecting, latest_end, read_collected
+from hfsim.studies.sweep.study import latest_end
 from hfsim.studies.sweep.work import Setting
 
 MANY = 100_000
@@ -77,7 +78,8 @@ class Asked:
             if not self.vary and self.table is None:
                 beside = None if said.runs is None else Path(loaded.source.file).parent / said.runs
                 found = replace(found, vary=said.vary, table=beside, sample=self.sample or said.sample)
-            found = replace(found, collect=self.collect or tuple(map(str, said.collect)))
+            written = loaded.source.as_written.get(("sweep", "collect"), said.collect)
+            found = replace(found, collect=self.collect or tuple(map(str, written)))
         if found.sample is None:
             return found
         usual = (SAMPLERS[0], 1) if said is None else (said.sampler, said.seed)
@@ -120,7 +122,7 @@ class Asked:
         """Return what all runs of a deck share, but for what is collected."""
         left_out = (f"{key}=null" for key in _LEFT_OUT if loaded.source.data.get(key) is not None)
         return Setting(
-            loaded.source.text, loaded.source.file, (*loaded.overrides, *left_out), (),
+            loaded.source.text, loaded.source.file, (*loaded.overrides, *left_out), Collected(),
             self.error_estimate, self.mesh_error, self.diagnosis, self.limit or math.inf,
         )  # fmt: skip
 
@@ -128,5 +130,5 @@ class Asked:
         """Return the same with what is collected while `vary` is varied, or raise `DeckError`."""
         if self.sensitivity and not self.collect:
             raise refusal(COLLECT, "nothing is collected", "name what derivatives are wanted of")
-        end = latest_end(setting, vary)
-        return collecting(setting, read_collected(self.collect, loaded, end), loaded)
+        end, moved = latest_end(setting, vary), any(path.startswith("parameters.") for path in vary)
+        return replace(setting, collected=read_collected(self.collect, loaded, end, moved))

@@ -19,9 +19,10 @@ from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import Deck
 from hfsim.simulate import simulate
 from hfsim.studies.collect import Collector
+from hfsim.studies.sweep.collected import COLLECT
 from hfsim.studies.sweep.plan import VARY, Plan, SweepError, listed
 from hfsim.studies.sweep.result import Sweep
-from hfsim.studies.sweep.study import COLLECT, refused
+from hfsim.studies.sweep.study import refused
 from hfsim.studies.sweep.work import Setting
 
 _AROUND = (1.0, -1.0, 0.5, -0.5)
@@ -134,15 +135,16 @@ def plan_differences(setting: Setting, values: dict[str, float]) -> tuple[Plan, 
         If the deck's own run fails.
     """
     own = tuple(Override.by(VARY, f"{path}={value!r}") for path, value in values.items())
-    collector = Collector(setting.quantities)
-    run = simulate(setting.load(own), outlines=False, after=math.inf, reader=collector)
+    loaded, quantities = setting.of_run(own)
+    collector = Collector(quantities)
+    run = simulate(loaded, outlines=False, after=math.inf, reader=collector)
     if run.status != "done":
         raise SweepError(f"the deck's own run gives nothing to differentiate: {run.status}: {run.reason}")
-    found = [collector.value(one, run) for one in setting.quantities]
+    found = [collector.value(one, run) for one in quantities]
     by_channel = run.statistics.get("error_by_channel") or {}
     errors = tuple(
         max(by_channel.get(one.channel, 0.0), _ROUNDING * abs(value))
-        for one, value in zip(setting.quantities, found, strict=True)
+        for one, value in zip(quantities, found, strict=True)
     )
     noise = max(
         (error / abs(value) for error, value in zip(errors, found, strict=True) if value), default=0.0

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 
 from hfsim.deck.overrides import why_unset
-from hfsim.deck.quantities import Quantity, QuantityError, read_quantity
 from hfsim.deck.ranges import Value, Values, written
 from hfsim.errors import DeckError, DeckProblem
 from hfsim.scene.build import build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import Deck
-from hfsim.studies.collect import channels_of
 from hfsim.studies.farm import Executor, Outcome, Task
+from hfsim.studies.sweep.collected import COLLECT
 from hfsim.studies.sweep.plan import TABLE, VARY, Plan
 from hfsim.studies.sweep.work import LOST, Keep, Row, Setting, row_without, solve_row
 
@@ -26,49 +25,6 @@ _PATIENCE = 2.0
 """Time after which a worker is ended, over that which its run may take."""
 _TRIED = 12
 """Values of each path that are tried before anything runs."""
-COLLECT = "--collect"
-"""The option that names what is collected, as what is wrong with it is placed."""
-_USUAL = ("final", "min", "max")
-"""What is collected of every channel where nothing is named."""
-
-
-def read_collected(texts: Sequence[str], loaded: LoadedDeck, end: float) -> tuple[Quantity, ...]:
-    """Return what is collected; without any text last values and extremes of all channels of the deck.
-
-    Parameters
-    ----------
-    end : float
-        When runs end at the latest [s].
-
-    Raises
-    ------
-    DeckError
-        With all texts that name no quantity of a run.
-    """
-    if not texts:
-        return tuple(Quantity(kind, name) for name in loaded.deck.channels for kind in _USUAL)
-    found, wrong = list[Quantity](), list[DeckProblem]()
-    for text in texts:
-        try:
-            found.append(read_quantity(text))
-        except QuantityError as error:
-            wrong.append(DeckProblem(text, str(error), error.hint, file=COLLECT))
-        else:
-            wrong += [DeckProblem(text, *why, file=COLLECT) for why in _why_not(found[-1], loaded, end)]
-    if wrong:
-        raise DeckError(COLLECT, wrong)
-    return tuple(dict.fromkeys(found))
-
-
-def _why_not(quantity: Quantity, loaded: LoadedDeck, end: float) -> Iterator[tuple[str, str]]:
-    """Yield why the runs of a deck do not have a quantity, and what they have."""
-    if why := quantity.beyond(end):
-        yield why, ""
-    if quantity.channel and quantity.channel not in loaded.deck.channels:
-        try:
-            loaded.changed([f"output.channels=[{quantity.channel}]"])
-        except DeckError as error:
-            yield error.problems[0].message, error.problems[0].hint
 
 
 def latest_end(setting: Setting, vary: Mapping[str, Values]) -> float:
@@ -80,14 +36,6 @@ def latest_end(setting: Setting, vary: Mapping[str, Values]) -> float:
                 if setting.load((f"{path}={written(value)}",)).deck.solve.duration != own:
                     return math.inf
     return own
-
-
-def collecting(setting: Setting, quantities: Sequence[Quantity], loaded: LoadedDeck) -> Setting:
-    """Return the setting with what is collected, which is among the channels then."""
-    names = loaded.deck.channels
-    more = [name for name in channels_of(quantities) if name not in names]
-    own = (f"output.channels=[{', '.join([*names, *more])}]",) if more else ()
-    return replace(setting, overrides=(*setting.overrides, *own), quantities=tuple(quantities))
 
 
 # --- before anything runs ------------------------------------------------------------------------
@@ -219,7 +167,7 @@ def refuse_unbuilt(setting: Setting, plan: Plan) -> None:
     wrong, errors = dict[str, DeckProblem](), list[DeckError]()
     for number in dict.fromkeys(map(round, _spread(plan.count))):
         try:
-            build(setting.load(plan.overrides(number)))
+            build(setting.of_run(plan.overrides(number))[0])
             return
         except DeckError as error:
             errors.append(error)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +13,10 @@ from hfsim.errors import DeckError
 from hfsim.marching.solution import Run
 from hfsim.marching.stop import Budget, nobody
 from hfsim.scene.loading import LoadedDeck, parse_deck
+from hfsim.scene.more_channels import with_channels
 from hfsim.simulate import simulate
-from hfsim.studies.collect import CollectError, Collector
+from hfsim.studies.collect import CollectError, Collector, channels_of
+from hfsim.studies.sweep.collected import Collected
 
 if TYPE_CHECKING:
     from hfsim.studies.verify.finders import Answer
@@ -41,7 +43,7 @@ class Setting:
         The deck as written.
     overrides : tuple of str
         Before those of each run.
-    quantities : tuple of Quantity
+    collected : Collected
         What is collected.
     error_estimate, mesh_estimate, diagnosis : bool
         As of `hfsim.simulate.simulate`.
@@ -52,7 +54,7 @@ class Setting:
     text: str
     file: str
     overrides: tuple[str, ...]
-    quantities: tuple[Quantity, ...]
+    collected: Collected
     error_estimate: bool = True
     mesh_estimate: bool = False
     diagnosis: bool = False
@@ -61,6 +63,22 @@ class Setting:
     def load(self, overrides: tuple[str, ...]) -> LoadedDeck:
         """Return the deck of a run, or raise `DeckError`."""
         return parse_deck(self.text, self.file, (*self.overrides, *overrides))
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What is collected, in the deck as it is."""
+        return self.collected.quantities
+
+    def of_run(self, overrides: tuple[str, ...]) -> tuple[LoadedDeck, tuple[Quantity, ...]]:
+        """Return the deck of a run, with what is collected among its channels, and what that is there.
+
+        Raises
+        ------
+        DeckError
+        """
+        loaded = self.load(overrides)
+        quantities = self.collected.of_run(loaded)
+        return with_channels(loaded, channels_of(quantities)), quantities
 
 
 Keep = Callable[[LoadedDeck, Run], dict[str, bytes]]
@@ -73,19 +91,19 @@ def solve_row(
     """Do one run; return its row and the files that are kept of it."""
     start = time.process_time()
     try:
-        loaded = setting.load(overrides)
-        known = _without_run(setting, loaded)
-        if known and len(known) == len(setting.quantities):
-            row = _row_without_run(setting, known)
+        loaded, quantities = setting.of_run(overrides)
+        known = _without_run(setting, quantities, loaded)
+        if known and known.keys() == set(quantities):
+            row = _row_without_run(setting, quantities, known)
             row["cpu_s"] = round(time.process_time() - start, 6)
             return row, {}
-        collector = Collector(setting.quantities)
+        collector = Collector(dict.fromkeys(quantities))
         run = _run(setting, loaded, collector)
     except DeckError as error:
         wrong = error.problems[0]
         why = f"{wrong.path}: {wrong.message}" if wrong.path else wrong.message
         return row_without(REFUSED, why, setting, "deck"), {}
-    collected, why = _collected(setting, run, known, collector)
+    collected, why = _collected(quantities, run, known, collector)
     row = {
         "status": run.status,
         "class": (run.failure or {}).get("class", ""),
@@ -120,11 +138,13 @@ def _run(setting: Setting, loaded: LoadedDeck, collector: Collector) -> Run:
     )
 
 
-def _without_run(setting: Setting, loaded: LoadedDeck) -> dict[Quantity, Answer]:
+def _without_run(
+    setting: Setting, quantities: Sequence[Quantity], loaded: LoadedDeck
+) -> dict[Quantity, Answer]:
     """Return what is collected of small motions about the start, and of the equilibrium under its loads."""
     found: dict[Quantity, Answer] = {}
     for study, place in _PLACES.items():
-        wanted = tuple(one for one in setting.quantities if one.studies[0] == study)
+        wanted = tuple(dict.fromkeys(one for one in quantities if one.studies[0] == study))
         if wanted:
             from hfsim.studies.verify.finders import Order as ToFind
             from hfsim.studies.verify.finders import answer
@@ -135,18 +155,20 @@ def _without_run(setting: Setting, loaded: LoadedDeck) -> dict[Quantity, Answer]
     return found
 
 
-def _row_without_run(setting: Setting, found: Mapping[Quantity, Answer]) -> Row:
+def _row_without_run(
+    setting: Setting, quantities: Sequence[Quantity], found: Mapping[Quantity, Answer]
+) -> Row:
     why = next((one.reason for one in found.values() if one.value is None), "")
     row = row_without("failed" if why else "done", why, setting)
-    return {**row, "collected": [found[one].value for one in setting.quantities]}
+    return {**row, "collected": [found[one].value for one in quantities]}
 
 
 def _collected(
-    setting: Setting, run: Run, known: Mapping[Quantity, Answer], collector: Collector
+    quantities: Sequence[Quantity], run: Run, known: Mapping[Quantity, Answer], collector: Collector
 ) -> tuple[list[float | None], str]:
     """Return what is collected, nothing of a run that did not reach its end, and why some is missing."""
     values, why = list[float | None](), ""
-    for one in setting.quantities:
+    for one in quantities:
         found = known.get(one)
         value, reason = (found.value, found.reason) if found else _of_run(one, run, collector)
         values.append(_finite(value))
