@@ -63,7 +63,7 @@ def load_decks(
     loaded, codes = [], []
     for argument in arguments:
         try:
-            deck = loader(argument, overrides, talk)(())
+            deck = without_unread_channels(loader(argument, overrides, talk)(()), talk)
             finish(deck)
             loaded.append(deck)
         except HfsimError as error:
@@ -137,6 +137,13 @@ def usual_models(argument: str, overrides: Sequence[str], talk: Talk) -> tuple[s
     from hfsim.studies.compare import usual_models
 
     return usual_models(loader(argument, overrides, talk), talk.note)
+
+
+def without_unread_channels(loaded: LoadedDeck, talk: Talk) -> LoadedDeck:
+    """Return a deck without channels that a model which is set has not, and say which."""
+    from hfsim.output.api import readable
+
+    return readable(loaded, talk.note)
 
 
 def without_blind_channels(

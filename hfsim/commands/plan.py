@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hfsim.commands.check import free_motions
-from hfsim.commands.decks import load_numbered
+from hfsim.commands.decks import load_numbered, without_unread_channels
 from hfsim.commands.options import repeats_option, setting_options, talk_options
 from hfsim.output.talk import Talk
 from hfsim.output.text import Column, plural, table, wrapped
@@ -53,7 +53,8 @@ def plan(
         _prove([load_numbered(name, overrides, talk) for name in names], repeats, talk)
         return
     for name in decks:
-        _tell(load_numbered(name, overrides, talk), measure, repeats, talk)
+        loaded = without_unread_channels(load_numbered(name, overrides, talk), talk)
+        _tell(loaded, measure, repeats, talk)
 
 
 def _tell(loaded: LoadedDeck, measured: bool, repeats: int, talk: Talk) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -74,6 +74,19 @@ def for_models(base: LoadedDeck, models: Sequence[str]) -> LoadedDeck:
 
     blind = without_blind_channels(base.changed, models, nobody)
     return (base.changed(blind) if blind else base).with_numbers()
+
+
+def readable(loaded: LoadedDeck, note: Callable[[str], None] = nobody) -> LoadedDeck:
+    """Return a deck without channels that it has not with a model which is set from outside; say which.
+
+    A deck that itself names such a model contradicts itself, and is refused as it is built.
+    """
+    if not loaded.source.is_overridden(("solve", "model")):
+        return loaded
+    from hfsim.studies.compare import without_blind_channels
+
+    blind = without_blind_channels(loaded.changed, (loaded.deck.solve.model,), note)
+    return loaded.changed(blind) if blind else loaded
 
 
 def _load(deck: AnyDeck, overrides: Sequence[str]) -> LoadedDeck:
@@ -147,7 +160,7 @@ def run(
     real(after=after)
     if after is not None and not after >= 0.0:
         raise ArgumentError(f"after is {after}: estimates and diagnosis take no less than 0 s")
-    loaded = _load(deck, [*settings(changes), *model_setting(model)])
+    loaded = readable(_load(deck, [*settings(changes), *model_setting(model)]))
     wish: dict[str, Any] = {"error_estimate": error_estimate, "diagnosis": diagnosis, "after": after}
     wish["outlines"] = True
     if to is None:
@@ -359,7 +372,7 @@ def check(deck: AnyDeck, changes: Mapping[str, Any] | None = None) -> dict[str, 
     DeckError, DeckNotFoundError
         If it cannot be assembled, or not be swept as it says itself.
     """
-    return checked(load(deck, changes).with_numbers())
+    return checked(readable(load(deck, changes)).with_numbers())
 
 
 def checked(loaded: LoadedDeck) -> dict[str, Any]:

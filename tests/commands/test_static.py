@@ -8,6 +8,7 @@ from click.testing import CliRunner
 import hfsim
 from hfsim.cli import app
 from hfsim.commands.static import static
+from hfsim.scene.shipped import find_deck
 
 
 def call(*arguments):
@@ -147,8 +148,21 @@ def test_channels_that_a_rigid_beam_has_not_are_left_out_of_equilibria_and_do_no
     assert "model rigid has no b1.root.bending_moment: left out" in done.stderr
     modes = CliRunner().invoke(app, ["modes", "pendulum", *channels])
     assert modes.exit_code == 0 and "left out" not in modes.output
-    refused = CliRunner().invoke(app, ["run", "pendulum", *channels])
-    assert refused.exit_code == 2 and "no internal forces" in refused.output
+
+
+def test_channels_that_a_rigid_beam_has_not_are_left_out_where_the_model_is_set(here):
+    channels, model = ["--set", f"output.channels=[{', '.join(STRAINED)}]"], ["--model", "rigid"]
+    short = ["--no-plots", "--set", "solve.duration=0.01"]
+    for command, options in (("run", short), ("check", []), ("plan", [])):
+        done = CliRunner().invoke(app, [command, "pendulum", *options, *channels, *model])
+        assert done.exit_code == 0 and "model rigid has no b1.root.bending_moment: left out" in done.stderr
+    assert (here / "pendulum.out/history.csv").read_text().startswith("t,b1.tip.x\n")
+    found = hfsim.run("pendulum", {"output.channels": STRAINED, "solve.duration": 0.01}, model="rigid")
+    assert [one.name for one in found.channels] == ["b1.tip.x"]
+    text = find_deck("pendulum").read_text().replace("model: exact", "model: rigid")
+    (here / "own.yaml").write_text(text)
+    refused = CliRunner().invoke(app, ["run", "own.yaml", "--force", *channels, *short])
+    assert "model: rigid" in text and refused.exit_code == 2 and "no internal forces" in refused.output
     changes = {"solve.model": "rigid", "output.channels": STRAINED}
     assert list(hfsim.static("pendulum", changes).final) == STRAINED[:1]
     alone = changes | {"output.channels": STRAINED[1:]}
