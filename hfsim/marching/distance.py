@@ -18,7 +18,7 @@ import numpy as np
 from hfsim.marching.alike import alike
 from hfsim.marching.solution import Channel
 from hfsim.maths.arrays import Array, magnitude
-from hfsim.parts.channels import Samples, is_judged
+from hfsim.parts.channels import CHANNELS, Samples, is_judged
 from hfsim.scene.build import Scene
 
 SMALL = 1e-3
@@ -227,7 +227,8 @@ def error_scales(
 ) -> tuple[ChannelScale, ...]:
     """Return what errors are divided by: ranges however small, but for what stands still in either run.
 
-    Parameters are those of `channel_errors`.
+    What counts from zero and stays within `SMALL` of its own size, as the tension of what turns steadily, has
+    a range of errors alone: it is judged by that size.  Parameters are those of `channel_errors`.
 
     Examples
     --------
@@ -240,13 +241,28 @@ def error_scales(
     """
     mine, truth, known = _shared(channels, reference), _shared(reference, channels), sizes or {}
 
-    def judged(one: ChannelScale, channel: Channel) -> ChannelScale:
-        size = known.get(one.unit, 0.0)
-        if min(one.reference_range, span(channel.values)) >= STILL * size:
+    def judged(one: ChannelScale, channel: Channel, better: Channel) -> ChannelScale:
+        size, level = known.get(one.unit, 0.0), magnitude(better.values)
+        least = min(one.reference_range, span(channel.values))
+        if counts_from_zero(better) and least < SMALL * level:
+            one = one._replace(scale=max(one.scale, level), small=True)
+        if least >= STILL * size:
             return one
         return one._replace(scale=max(one.scale, SMALL * size), small=True)
 
-    return tuple(map(judged, channel_scales(truth, conserved=True, small=STILL), mine))
+    return tuple(map(judged, channel_scales(truth, conserved=True, small=STILL), mine, truth))
+
+
+def counts_from_zero(channel: Channel) -> bool:
+    """Return whether zero means something in a channel, as of forces, rates and deformations of beams.
+
+    Examples
+    --------
+    >>> [counts_from_zero(Channel(*one, np.zeros(1))) for one in (("b.tip.x", "m"), ("b.tip.vx", "m/s"))]
+    [False, True]
+    """
+    kinds = CHANNELS.get(channel.name.rpartition(".")[2], ())
+    return group_of(channel.unit) in ("forces", "rates") or any(one.only_beams for one in kinds)
 
 
 # --- distances -----------------------------------------------------------------------------------

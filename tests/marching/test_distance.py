@@ -80,6 +80,26 @@ def test_errors_of_what_stands_still_are_judged_by_the_scene_and_all_others_by_t
         assert found.scale == pytest.approx(expected) and found.small is (scale == 1e-3)
 
 
+@pytest.mark.parametrize(
+    ("name", "unit", "scale"),
+    [
+        ("te.tip.axial_force", "N", 300.1),
+        ("joint.moment", "N m", 300.1),
+        ("b.angular_velocity", "rad/s", 300.1),
+        ("te.tip.elongation", "m", 300.1),
+        ("b.x", "m", 0.2),
+        ("b.angle", "rad", 0.2),
+    ],
+)
+def test_errors_of_what_counts_from_zero_and_hardly_changes_are_judged_by_its_size(name, unit, scale):
+    """The tension of what turns steadily is as good as its error over it; places may lie anywhere."""
+    steady, wavy = channel(name, unit, 0.1, 300.0), channel(name, unit, 0.2, 300.0)
+    assert error_scales([steady], [steady])[0].scale == pytest.approx(scale)
+    assert error_scales([wavy], [wavy])[0].scale == pytest.approx(0.4)
+    if scale > 1.0:
+        assert error_scales([steady], [wavy])[0].scale == pytest.approx(300.2)
+
+
 def test_errors_last_as_long_as_the_reference():
     off = np.where(T < 0.8, 1e-3, 1.0)
     mine = [channel("tip.x")._replace(values=channel("tip.x").values + off), channel("energy.total", "J")]
