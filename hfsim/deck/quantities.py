@@ -35,7 +35,7 @@ ALONG = ("max", "min", "mean", "rms")
 
 _WRITTEN = re.compile(r"\s*([A-Za-z_]\w*)\s*\(([^()]*)\)\s*")
 _NUMBER = re.compile(r"[1-9][0-9]{0,4}")
-_SECONDS = re.compile(r"[0-9]+(\.[0-9]*)?([eE][-+]?[0-9]{1,2})?")
+_SECONDS = re.compile(r"-?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]{1,2})?")
 
 
 class QuantityError(ValueError):
@@ -134,10 +134,8 @@ def _window(text: str) -> tuple[float, float]:
 
 
 def _time(text: str) -> float:
-    if _SECONDS.fullmatch(text):
-        return float(text)
     try:
-        time = parse_quantity(text, "time")
+        time = float(text) if _SECONDS.fullmatch(text) else parse_quantity(text, "time")
     except UnitError as error:
         raise QuantityError(f"the time {error}", error.hint) from None
     if time < 0.0:

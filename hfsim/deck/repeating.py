@@ -15,6 +15,7 @@ from hfsim.errors import DeckProblem
 MOST_COPIES = 10_000
 """Copies of a pattern."""
 _BRACES = re.compile(r"(?<!\$)\{([^{}]*)\}")
+_NUMBER = re.compile(r"\$\{([^{}]*)\}")
 _RANGE = re.compile(r"(?<!\$)\{\s*(\w+)\s*=([^{}]*?)\.\.([^{}]*)\}")
 _LEFT = {("name",), ("parameters",), ("verify",), ("sweep", "vary")}
 """Where braces are none of patterns, or name them."""
@@ -101,7 +102,8 @@ class _Repeating:
                 continue
             with self.values.knowing(self.source.indices.get(here, {})):
                 if isinstance(one, str) and "{" in one and step != "expression":
-                    data[step] = self._plain(here, one)
+                    plain = self._plain(here, one)
+                    data[step] = self._numbers(here, plain) if path in (_COLLECT, _TEXTS) else plain
                 else:
                     self.fill(one, here)
 
@@ -112,7 +114,8 @@ class _Repeating:
             text = row.get("quantity") if isinstance(row, dict) else None
             if isinstance(text, str) and "{" in text:
                 with self.values.knowing(self._set_by(row)):
-                    row["quantity"] = self._plain(("verify", "rows", number, "quantity"), text)
+                    path = ("verify", "rows", number, "quantity")
+                    row["quantity"] = self._numbers(path, self._plain(path, text))
 
     def _set_by(self, row: dict[str, Any]) -> dict[str, float]:
         """Return the values of the parameters where a row sets some; nothing where it does not."""
@@ -205,6 +208,16 @@ class _Repeating:
             if number is None:
                 break
             found, at = f"{found}{text[at : match.start()]}{number}", match.end()
+        return found + text[at:]
+
+    def _numbers(self, path: Path, text: str) -> str:
+        """Return the text of a quantity with numbers in place of expressions."""
+        found, at = "", 0
+        for match in _NUMBER.finditer(text):
+            number = self.values.value(path, text, match.span(1))
+            if number is None:
+                break
+            found, at = f"{found}{text[at : match.start()]}{number!r}", match.end()
         return found + text[at:]
 
     def _whole(self, path: Path, text: str, part: tuple[int, int], on_key: bool) -> int | None:

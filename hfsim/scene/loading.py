@@ -224,7 +224,7 @@ def _look_for_more(data: Any, said: set[str]) -> None:
         for one in data:
             _look_for_more(one, said)
     elif isinstance(data, str) and "{" in data:
-        said.add("expressions" if "${" in data else "patterns")
+        said.add("expressions" if data.lstrip().startswith("${") else "patterns")  # or within a quantity
 
 
 def _left_empty(source: DeckSource, key: str) -> bool:

@@ -78,6 +78,13 @@ def test_a_copy_of_a_number_is_that_in_each_run_and_nothing_where_there_is_none(
         assert "no channel 'm3.x'" in found["reason"][0]
 
 
+def test_times_follow_the_parameters_of_each_run(masses):
+    found = hfsim.sweep(masses, COUNTS, ["at(${n / 50}, m{k=1..2}.x)"], **QUICK)
+    assert found.collected == ("at(0.06, m1.x)", "at(0.06, m2.x)")
+    own = [hfsim.sweep(masses, {"parameters.n": [n]}, [f"at({n / 50}, m1.x)"], **QUICK) for n in (2, 3, 4)]
+    assert [*found["at(0.06, m1.x)"]] == [one[one.collected[0]][0] for one in own]
+
+
 def test_without_collect_it_is_the_channels_of_each_run(masses):
     found = hfsim.sweep(masses, COUNTS, (), {"output.channels": ["m1.x", "m{n}.x"]}, **QUICK)
     assert found.collected[0] == "final(m1.x)" and found.collected[3] == "final(m3.x)"

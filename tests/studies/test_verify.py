@@ -289,6 +289,18 @@ def test_channels_of_rows_are_checked_where_entries_are_set_too(row, setting, to
         rows_of(MASS.replace("at(0.8, mass.x)", row), setting)
 
 
+def test_times_may_be_expressions_of_parameters():
+    text = MASS.replace("at(0.8,", "at(${0.4 * m},").replace("at(1,", "at(${2 * m},")
+    rows = rows_of(text.replace("max(mass.vx)", "max(mass.vx, ${m / 4} s..)"))
+    assert [row.verdict for row in rows] == [HELD] * 5
+    told = [rows[k].quantity for k in (0, 3, 4)]
+    assert told == ["at(0.8, mass.x)", "max(mass.vx, 0.5..)", "at(1, mass.x)"]
+    with pytest.raises(DeckError, match=r"rows\.0\.quantity: there is no parameter or index 'q'"):
+        rows_of(MASS.replace("0.8", "${q}"))
+    with pytest.raises(DeckError, match=r"there is nothing at -1 \(times count from the start\)"):
+        rows_of(MASS.replace("0.8", "-1"))
+
+
 def test_what_is_set_makes_no_fault_of_rows():
     """That of a body that is taken out, or after the end, is told by `verify` alone."""
     text = MASS.replace("at(0.8, mass.x)", "final(other.x)")
