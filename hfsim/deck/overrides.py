@@ -78,7 +78,7 @@ def _set_entry(source: DeckSource, override: str, spec: type[Spec]) -> OverrideP
     if not known and (why := why_unset(source.data, name, spec)):
         return OverrideProblem(name, why[0], why[1], file=option)
     if name.count("{") > dotted(path).count("{"):
-        return OverrideProblem(name, "the deck has no such pattern", file=option)
+        return OverrideProblem(name, *_no_pattern(source, name, path), file=option)
     if goes:
         return _take_out(source, path, OverrideProblem(name, "", file=option), known)
     parent: Any = source.data
@@ -90,6 +90,15 @@ def _set_entry(source: DeckSource, override: str, spec: type[Spec]) -> OverrideP
     parent[path[-1]] = reader.data
     source.overridden[path] = option
     return None
+
+
+def _no_pattern(source: DeckSource, name: str, path: Path) -> tuple[str, str]:
+    """Return why a dotted name with braces is that of no pattern, and what would be."""
+    copies = [depth for depth in range(1, len(path) + 1) if path[:depth] in source.patterns]
+    if not copies or "{" not in name.split(".")[copies[-1] - 1]:
+        return "the deck has no such pattern", ""
+    inner = ".".join(map(str, path[: copies[-1]]))
+    return "in a copy there are copies of what is inside", f"name one, {inner}, or the patterns of all"
 
 
 def _is_of_several(data: Any, name: str, path: Path) -> bool:

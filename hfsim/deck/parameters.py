@@ -66,6 +66,8 @@ class Values:
         Parameters without a value, which has been told.
     used : set of str
         Names in expressions.
+    units : dict of str to str
+        SI units of parameters that are stated with one.
     kinds : str
         What names may be of.
     """
@@ -74,6 +76,7 @@ class Values:
     known: dict[str, float] = field(default_factory=dict)
     bad: set[str] = field(default_factory=set)
     used: set[str] = field(default_factory=set)
+    units: dict[str, str] = field(default_factory=dict)
     kinds: str = "parameter"
 
     @contextmanager
@@ -134,7 +137,7 @@ class Values:
             if found is None:
                 self._refuse(name, *_no_number(value))
                 return
-            value = found[0]
+            value, self.units[name] = found[0], found[1].strip("-")
         if isinstance(value, bool) or not isinstance(value, int | float):
             self._refuse(name, "must be a number, text with a unit or an expression")
         elif not math.isfinite(value):

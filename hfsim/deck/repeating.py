@@ -174,6 +174,9 @@ class _Repeating:
         if why := no_name(name) or self._taken(name):
             self._refuse(path, *why, on_key)
             return
+        if match[3].startswith("."):
+            self._refuse(path, f"'{match[0]}' has three dots, a range has two", '"blade{k=1..4}"', on_key)
+            return
         first, last = (self._whole(path, text, match.span(group), on_key) for group in (2, 3))
         if first is None or last is None:
             return
@@ -181,7 +184,9 @@ class _Repeating:
         if not 0 <= count <= MOST_COPIES:
             many = f"{float(last) - first + 1.0:.10g} copies are too many, at most {MOST_COPIES}"
             backwards = f"{first:.10g}..{last:.10g} runs backwards"
-            self._refuse(path, many if count > 0 else backwards, "", on_key)
+            empty = f"{match[1]}={match[2].strip()}..max({match[3].strip()}, {first - 1:.10g})"
+            hint = "" if count > 0 else f"{empty} would have no copies"
+            self._refuse(path, many if count > 0 else backwards, hint, on_key)
             return
         for index in range(first, last + 1):
             self.entries += 1
@@ -201,8 +206,9 @@ class _Repeating:
         """Return a text with numbers in place of braces."""
         found, at = "", 0
         for match in _BRACES.finditer(text):
-            if "=" in match[1]:
-                self._refuse(path, f"'{match[0]}' is no number: {_RANGES}", '"blade{k=1..4}"', on_key)
+            if "=" in match[1] or ".." in match[1]:
+                why = f"is no number: {_RANGES}" if "=" in match[1] else "is a range without an index"
+                self._refuse(path, f"'{match[0]}' {why}", '"blade{k=1..4}"', on_key)
                 break
             number = self._whole(path, text, match.span(1), on_key)
             if number is None:
@@ -221,7 +227,12 @@ class _Repeating:
         return found + text[at:]
 
     def _whole(self, path: Path, text: str, part: tuple[int, int], on_key: bool) -> int | None:
+        unit = self.values.units.get(text[slice(*part)].strip(), "")
         value = self.values.value(path, text, part, on_key)
+        if value is not None and unit:
+            piece = text[slice(*part)].strip()
+            self._refuse(path, f"{piece} must be a whole number, not {value:g} {unit}", "", on_key)
+            return None
         self.nameless |= on_key and value is None
         if value is not None and not value.is_integer():
             piece = text[slice(*part)].strip()

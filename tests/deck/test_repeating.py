@@ -92,6 +92,12 @@ def test_the_pattern_and_a_copy_are_set_in_whatever_order():
     assert changed.bodies["blade2"].length == 3.0
 
 
+def test_a_count_may_be_a_ratio_of_lengths():
+    text = ROTOR.replace("n: 3", "n: 3, span: 2 m, pitch: 0.5 m")
+    text = text.replace("push{k=1..n}", "push{k=1..span/pitch-1}")
+    assert [*parse_deck(text).deck.loads] == ["push1", "push2", "push3"]
+
+
 def test_one_copy_of_what_is_inside_is_set():
     deck = parse_deck(ROTOR, overrides=["bodies.hub.points.p2=[7, '${k}']"]).deck
     assert deck.bodies["hub"].points == {"p1": (0.1, 1 / 3), "p2": (7.0, 2.0), "p3": (0.1 * 3, 1.0)}
@@ -130,6 +136,10 @@ def test_tables_of_copies_take_columns_by_the_index(tmp_path):
         ("push{k=1..n}", "push{n=1..4}", "'n' is a parameter or an index already"),
         ("push{k=1..n}", "push{t=1..4}", "'t' is time in laws"),
         ("push{k=1..n}", "push{k=4..1}", "loads.push{k=4..1}: 4..1 runs backwards"),
+        ("push{k=1..n}", "push{k=n..1}", "3..1 runs backwards (k=n..max(1, 2) would have no copies)"),
+        ("push{k=1..n}", "push{1..n}", "'{1..n}' is a range without an index"),
+        ("push{k=1..n}", "push{k=1...n}", "'{k=1...n}' has three dots, a range has two"),
+        ("push{k=1..n}", "push{k=1..rate}", "rate must be a whole number, not 6.28319 rad/s"),
         ("push{k=1..n}", "push{k=1..n/2}", "n/2 must be a whole number, not 1.5"),
         ("push{k=1..n}", "push{k=1..1e9}", "1000000000 copies are too many, at most 10000"),
         ("push{k=1..n}", "push{k=-1.7e308..1.7e308}", "inf copies are too many"),
@@ -182,10 +192,12 @@ def test_nothing_follows_from_a_count_that_is_wrong():
         ("bodies.blade{k=1..n}={type: rigid, mass: 1}", "a pattern is named without its range"),
         ("bodies.blade{k}.length=-1", "--set: error: bodies.blade1.length: must be greater than 0"),
         ("parameters.m=3", "no expression uses it"),
+        ("bodies.blade2.points.q{i}=[1, 0]", "in a copy there are copies of what is inside"),
     ],
 )
 def test_overrides_that_cannot_be(override, told):
-    assert told in refusals(ROTOR, [override])
+    text = ROTOR.replace('elements: 1}', 'elements: 1, points: {"q{i=1..2}": ["${i / 4}", 0]}}')
+    assert told in refusals(text, [override])
 
 
 def test_an_entry_of_a_list_is_set_by_its_place_in_the_file():
