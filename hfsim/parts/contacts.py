@@ -46,8 +46,8 @@ class FrictionSpec(Spec):
     def complaints_in(self, around: Around) -> Iterator[Complaint]:
         """Yield a factor that becomes negative, so that friction would drive."""
         yield from super().complaints_in(around)
-        if self.law is None or around.duration is None:
-            return
+        if self.law is None or around.duration is None or any(self.law.complaints_in(around)):
+            return  # beyond its end a table has no values
         law, end = self.law.build(), around.duration
         spans = np.array([end, min(end, law.period(0.0, end, end))])
         breaks = np.clip(law.breaks(0, end), 0.0, end)

@@ -75,6 +75,13 @@ def test_a_factor_that_becomes_negative_is_refused(law, told):
     assert f"wheel.yaml:5:94: error: joints.axle.friction.law: {told}" in str(caught.value)
 
 
+def test_beyond_its_end_a_table_has_no_factor_to_be_told():
+    table = "{times: [0, 1, 2], values: [1, 2, 0.5], interpolation: linear}"
+    with pytest.raises(DeckError) as caught:
+        parse_deck(WHEEL.replace(STEP, table), "wheel.yaml")
+    assert "covers 0 s to 2 s" in str(caught.value) and "1 error." in str(caught.value)
+
+
 @pytest.mark.parametrize(
     "law", ["0.5", "{type: sine, amplitude: 1, frequency: 2000, offset: 1}", "{expression: t}"]
 )
