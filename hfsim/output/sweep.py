@@ -228,7 +228,7 @@ def perform(
 
     interrupted = do_runs(wanted.setting, plan, executor, store.missing, take, keeper(wanted.keep))
     status = "interrupted" if interrupted else "done"
-    return gathered(wanted.loaded, status, plan, wanted.collected, store.rows())
+    return gathered(wanted.loaded, status, plan, wanted.setting.collected, store.rows())
 
 
 def into_folder(

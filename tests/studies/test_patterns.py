@@ -78,6 +78,16 @@ def test_a_copy_of_a_number_is_that_in_each_run_and_nothing_where_there_is_none(
         assert "no channel 'm3.x'" in found["reason"][0]
 
 
+def test_columns_are_found_by_the_texts_that_ask_for_them(masses):
+    texts = ["max(m1.x, 50 ms..)", "at(0.10, m{n}.x)", "final(m{k=1..2}.x)"]
+    found = hfsim.sweep(masses, {"parameters.n": [3]}, texts, **QUICK)
+    assert found.collected[:2] == ("max(m1.x, 0.05..)", "at(0.1, m3.x)")
+    for text, name in zip(texts, found.collected[:2], strict=False):
+        assert found[text] is found[name] and text in found
+    with pytest.raises(KeyError):
+        found[texts[2]]
+
+
 def test_times_follow_the_parameters_of_each_run(masses):
     found = hfsim.sweep(masses, COUNTS, ["at(${n / 50}, m{k=1..2}.x)"], **QUICK)
     assert found.collected == ("at(0.06, m1.x)", "at(0.06, m2.x)")

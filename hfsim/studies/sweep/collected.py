@@ -34,6 +34,13 @@ class Collected(NamedTuple):
     texts: tuple[str, ...] = ()
     keys: tuple[Key, ...] = ()
 
+    @property
+    def columns(self) -> dict[str, str]:
+        """Names of columns by the texts that stand for one each."""
+        numbers = [number for number, _ in self.keys]
+        pairs = zip(numbers, self.quantities, strict=True)
+        return {self.texts[k]: str(quantity) for k, quantity in pairs if numbers.count(k) == 1}
+
     def of_run(self, loaded: LoadedDeck) -> tuple[Quantity, ...]:
         """Return what it is in the deck of a run; what has no copy there is as in the deck as it is.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,6 +17,7 @@ from hfsim.marching.columns import Columns
 from hfsim.maths.arrays import Array
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.collect import unit_of_quantity
+from hfsim.studies.sweep.collected import Collected
 from hfsim.studies.sweep.plan import Plan
 from hfsim.studies.sweep.work import FACTS, Row
 
@@ -43,6 +44,8 @@ class Sweep(Columns):
         Runs that have not been done.
     units : mapping of str to str
         SI units of what is varied and collected, empty where it has none.
+    asked : mapping of str to str
+        Columns by the texts that ask for one of them each; `sweep[TEXT]` is that column.
     """
 
     name: str
@@ -52,10 +55,18 @@ class Sweep(Columns):
     collected: tuple[str, ...]
     missing: int = 0
     units: Mapping[str, str] = field(default_factory=dict)
+    asked: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
         """Return what it is in a line: its arrays would fill the screen."""
         return f"<Sweep {self.name}: {self.status}, {len(self)} runs of {', '.join(self.plan.paths)}>"
+
+    def __contains__(self, name: object) -> bool:
+        return super().__contains__(self.asked.get(str(name), name))
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a column, by its name or by the text that it was asked for with."""
+        return super().__getitem__(name if name in self.columns else self.asked.get(name, name))
 
     def __len__(self) -> int:
         return self.plan.count
@@ -72,9 +83,10 @@ class Sweep(Columns):
 
 
 def gathered(
-    loaded: LoadedDeck, status: str, plan: Plan, collected: Sequence[str], rows: Iterable[Row | None]
+    loaded: LoadedDeck, status: str, plan: Plan, what: Collected, rows: Iterable[Row | None]
 ) -> Sweep:
     """Return rows as columns; None stands for a run that is missing."""
+    collected = tuple(map(str, what.quantities))
     wanted = [*collected, *_NUMBERS]
     numbers = {key: np.full(plan.count, math.nan) for key in wanted}
     words = {key: np.full(plan.count, "", dtype=object) for key in FACTS if key not in _NUMBERS}
@@ -96,7 +108,7 @@ def gathered(
         path: unit_of(deck, path_in(data, path)) or values.unit for path, values in plan.by_path.items()
     }
     units |= {name: unit_of_quantity(read_quantity(name)) for name in collected}
-    return Sweep(deck.name, status, plan, columns, tuple(collected), missing, units)
+    return Sweep(deck.name, status, plan, columns, collected, missing, units, what.columns)
 
 
 def _varied(plan: Plan) -> dict[str, Array]:
