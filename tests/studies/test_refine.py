@@ -31,6 +31,16 @@ def pendulum(target, *overrides):
     )
 
 
+FALL = """
+hfsim: 1
+gravity: [0, -9.81]
+bodies: {stone: {type: rigid, mass: 1, inertia: 0.1, points: {hook: [0.1, 0.2]}}}
+joints: {pin: {type: revolute, between: [ground, stone.hook]}}
+solve: {duration: 0.3}
+output: {channels: [stone.x]}
+"""
+
+
 def unlike(loaded, elements, degree, tolerance):
     """Return a much finer run by another method and model than refinements use."""
     deck = loaded.deck
@@ -45,6 +55,14 @@ def unlike(loaded, elements, degree, tolerance):
 def true_error(run, truth, counted):
     relative = channel_errors(run.channels, truth)[1]
     return max(relative[name] for name in counted)
+
+
+def test_a_level_with_finer_ones_is_not_called_the_finest():
+    """One run with a tighter tolerance tells how little that changes."""
+    run, _ = refine(parse_deck(FALL, overrides=["solve.target_error=0.1"]))
+    found = run.statistics["refinement"]
+    assert found["chosen"]["number"] == 0 and len(found["levels"]) > 1
+    assert found["chosen"]["why"].startswith("the level that finer ones were held against; its error is")
 
 
 # --- targets are reached -------------------------------------------------------------------------

@@ -133,7 +133,9 @@ def concluded(search: Search, status: str, reason: str, cpu: float) -> Refinemen
         chosen, why = begun[-1], "no level reached its end"
     elif chosen is current:
         chosen.channel = next((one.channel for one in reversed(search.levels) if one.channel), "")
-        why = f"the finest level; {_of_finest(search, chosen)}"
+        finer = any(level.channels and level.number > chosen.number for level in search.levels)
+        what = "the level that finer ones were held against" if finer else "the finest level"
+        why = f"{what}; {_of_finest(search, chosen)}"
     else:
         assert current is not None
         distance, chosen.channel = search.distance(chosen, current)
