@@ -128,6 +128,26 @@ def test_decks_that_init_knows_say_the_same_on_every_page(text):
         assert parse_deck(text).deck == parse_deck(starters()[name[1]]).deck
 
 
+@pytest.mark.parametrize(
+    ("topic", "told"),
+    [
+        ("gear", ["joints: gear", "`ratio`", "More on the pages deck"]),
+        ("friction", ["Damping, friction, stops, latches", "friction: of turns", "springs: two_point"]),
+        ("periodic", ["law: table", "Whether the points are one period"]),
+    ],
+)
+def test_kinds_and_keys_of_decks_are_found(topic, told):
+    shown = CliRunner().invoke(app, ["help", topic])
+    assert shown.exit_code == 0
+    assert [one for one in told if one not in " ".join(shown.stdout.split())] == []
+
+
+@pytest.mark.parametrize("topic", ["geer", "the", "of", "simulate"])
+def test_other_words_are_no_topics(topic):
+    shown = CliRunner().invoke(app, ["help", topic])
+    assert shown.exit_code == 2 and f"no topic {topic}" in shown.stderr
+
+
 @pytest.mark.parametrize("lines", [*mentions()])
 def test_commands_and_options_are_known(lines):
     for line in lines:

@@ -14,6 +14,8 @@ from hfsim.output.text import WIDTH, fitting
 
 FOLDER = Path(__file__).resolve().parent.parent / "manual"
 """Where the pages are."""
+KEYS = "keys"
+"""The page that has all keys of decks."""
 _NARROWEST = 40
 """Characters of a line at least."""
 _ITEM = re.compile(r"(\s*(?:[-*]|\d+\.)\s+)(.*)", re.DOTALL)
@@ -30,6 +32,33 @@ def title_of(page: Path) -> str:
     """Return the first heading of a page."""
     with page.open(encoding="utf-8") as lines:
         return next((line.lstrip("# ").strip() for line in lines if line.startswith("#")), page.stem)
+
+
+def about(word: str) -> str:
+    """Return what the manual has on a kind or a key of decks, as pages are written; empty without any.
+
+    These are the sections with the word in their heading, the rows of the keys called so, and the names of
+    the pages that have the word elsewhere.
+    """
+    found, others, known = list[str](), list[str](), False
+    row = re.compile(rf"^\| `{re.escape(word)}` \|.*$", re.MULTILINE)
+    for name, page in topics().items():
+        text = page.read_text(encoding="utf-8")
+        there = list[str]()
+        for section in re.split(r"(?m)^(?=##+ )", text)[1:]:
+            heading, _, inside = section.partition("\n")
+            if len(word) > 2 and word.lower() in re.findall(r"\w+", heading.lower()):
+                there.append(section.strip())
+            elif rows := row.findall(inside) if name == KEYS else []:
+                head = re.findall(r"^\|.*$", inside, re.MULTILINE)[:2]
+                there.append("\n".join([heading, "", *head, *rows]))
+        found, known = [*found, *there], known or (name == KEYS and bool(there))
+        if not there and re.search(rf"\b{re.escape(word)}\b", text):
+            others.append(name)
+    if others:
+        others.sort(key=lambda name: name != "deck")
+        found.append(f"More on the pages {', '.join(others)}: hfsim help {others[0]}.")
+    return "\n\n".join(found) if known else ""
 
 
 def decks_in(page: Path) -> dict[str, str]:
