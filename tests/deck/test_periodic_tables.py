@@ -47,6 +47,13 @@ def test_values_rates_and_accelerations_repeat_and_do_not_jump():
     np.testing.assert_allclose(straight.value(t), np.interp(0.1 + (t - 0.1) % 0.5, TIMES, VALUES), atol=1e-12)
 
 
+def test_a_spline_that_begins_with_a_jump_is_not_told_to_become_one():
+    for more, table in (("", False), (", interpolation: linear", True)):
+        with pytest.raises(DeckError, match="its rate jumps") as caught:
+            parse_deck(DECK.replace("periodic: true}", f"periodic: true, start: 0.1{more}}}", 1))
+        assert ("a table with interpolation: cubic" in str(caught.value)) is table
+
+
 @pytest.mark.parametrize("order", [0, 2])
 @pytest.mark.parametrize("more", [{}, {"interpolation": "linear"}, {"start": 0.37}])
 def test_it_is_smooth_and_monotone_between_breaks(more, order):

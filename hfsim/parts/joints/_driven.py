@@ -24,7 +24,9 @@ class DrivenSpec(JointSpec):
         """Yield laws that no body can follow."""
         for key, law in self.laws:
             if where := law.kink:
-                hint = "smooth_step, a table with interpolation: cubic, or what begins with rate zero"
+                smooth = getattr(law, "interpolation", "") == "cubic"
+                table = "" if smooth else ", a table with interpolation: cubic,"
+                hint = f"smooth_step{table} or what begins with rate zero"
                 yield Complaint((key,), f"its rate jumps{where}, and no body's can", hint)
 
     def complaints_in(self, around: Around) -> Iterator[Complaint]:
