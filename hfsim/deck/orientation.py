@@ -91,6 +91,11 @@ class OrientationSpec(Spec):
         return rotation_vector(self.matrix) if (vector := self._vector) is None else vector
 
     @property
+    def states_turns(self) -> bool:
+        """Whether it states full turns: by an angle or a rotation vector."""
+        return self._vector is not None
+
+    @property
     def _vector(self) -> Array | None:
         """The rotation vector (3,) of the first two forms."""
         if self.rotation_vector is not None:

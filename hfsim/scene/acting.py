@@ -13,7 +13,7 @@ from hfsim.mechanics.body import Body
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.system import System
-from hfsim.parts.specs import SpringSpec
+from hfsim.parts.specs import JointSpec, LoadSpec, SpringSpec
 from hfsim.scene.facing import Facings
 from hfsim.scene.full_turns import FullTurns
 from hfsim.scene.rules import LeftOut
@@ -44,9 +44,9 @@ def acting(
     """
     gone = {*left_out["springs"], *left_out["loads"]}
     found, turns = [], FullTurns(deck)
-    for item, ends, axis, part in (*_ties(deck, marker, x), *_loads(deck, bodies, marker)):
+    for item, entry, part in (*_ties(deck, marker, x), *_loads(deck, bodies, marker)):
         if part.counter is not None:
-            part.counter.suppose(0.0, turns.between(ends, axis, float(part.angle(x[None])[0]), angles))
+            part.counter.suppose(0.0, turns.between(entry, float(part.angle(x[None])[0]), angles))
         if part.latches:
             from hfsim.mechanics.latches import start
 
@@ -91,29 +91,27 @@ def _moving(system: System, resting: Iterable[Body]) -> Iterator[ForcePart]:
 
 def _ties(
     deck: Deck, marker: Callable[[str], Marker], x: Array
-) -> Iterator[tuple[str, tuple[str, ...], Sequence[float] | None, ForcePart]]:
-    """Yield, with its item, points and axis, what acts between two bodies."""
+) -> Iterator[tuple[str, JointSpec | SpringSpec, ForcePart]]:
+    """Yield, with its item and entry, what acts between two bodies."""
     facings = Facings(deck)
     for name, spring in deck.springs.items():
         if spring.on:
             yield from _coupled(f"springs.{name}", spring, marker, facings, x)
             continue
         first, second = map(marker, spring.between)
-        axis = getattr(spring, "axis", None)
-        yield f"springs.{name}", spring.between, axis, spring.build(first, second, x)
+        yield f"springs.{name}", spring, spring.build(first, second, x)
     for name, joint in deck.joints.items():
         for key, held, resistances in joint.resisted(*facings.of(joint)):
             item = f"joints.{name}.{key}" if key else f"joints.{name}"
             from hfsim.mechanics.ties import tie_on
 
             first, second = map(marker, joint.between)
-            axis = getattr(joint, "axis", None)
-            yield item, joint.between, axis, tie_on(held, first, second, resistances)
+            yield item, joint, tie_on(held, first, second, resistances)
 
 
 def _coupled(
     item: str, spring: SpringSpec, marker: Callable[[str], Marker], facings: Facings, x: Array
-) -> Iterator[tuple[str, tuple[str, ...], Sequence[float] | None, ForcePart]]:
+) -> Iterator[tuple[str, JointSpec | SpringSpec, ForcePart]]:
     """Yield what counts turns of angles that a coupling adds up, then the coupling, as they begin by then."""
     from hfsim.mechanics.coupled import NO_FORCE, CountingTie
     from hfsim.mechanics.ties import GapTie
@@ -124,9 +122,9 @@ def _coupled(
         assert part is not None
         if isinstance(part, GapTie) and part.counter is not None:
             counting = CountingTie(part.first, part.second, (NO_FORCE,), part.measure, part.counter)
-            yield f"{item}.of.{key}", entry.between, getattr(entry, "axis", None), counting
+            yield f"{item}.of.{key}", entry, counting
         parts.append(part)
-    yield item, (), None, spring.coupling(parts, x)
+    yield item, spring, spring.coupling(parts, x)
 
 
 def measuring(
@@ -149,8 +147,8 @@ def measuring(
 
 def _loads(
     deck: Deck, bodies: Mapping[str, Body], marker: Callable[[str], Marker]
-) -> Iterator[tuple[str, tuple[str, ...], Sequence[float] | None, ForcePart]]:
-    """Yield, with its item, its body and no axis, what acts from outside."""
+) -> Iterator[tuple[str, LoadSpec, ForcePart]]:
+    """Yield, with its item and entry, what acts from outside."""
     for name, load in deck.loads.items():
         own = load.owner
-        yield f"loads.{name}", (own,), None, load.build_on(marker, bodies[own], deck.bodies[own])
+        yield f"loads.{name}", load, load.build_on(marker, bodies[own], deck.bodies[own])

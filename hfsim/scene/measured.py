@@ -134,8 +134,7 @@ def start_turns(scene: Measured) -> dict[str, float]:
         return found
     x, turns = scene.system.absolute(scene.q[None]), FullTurns(deck)
     for name, tie in idle.items():
-        spec = _tied(deck, name)
         measured = float(tie.angle(x)[0])
-        near = turns.between(spec.between, getattr(spec, "axis", None), measured, scene.start_angles)
+        near = turns.between(_tied(deck, name), measured, scene.start_angles)
         found[name] = near + float(wrap(np.array(measured - near)))
     return found

@@ -318,3 +318,88 @@ def test_turns_that_a_deck_states_in_space_count(deck, axis, energy):
     run = simulate(parse_deck(deck), error_estimate=False)
     assert (run.status, run["energy.total"][0]) == ("done", pytest.approx(energy, abs=1e-12))
     assert np.ptp(run["energy.total"]) <= 1e-8 * max(energy, 1.0)
+
+
+def placed(spatial, joints="", initial="", springs=""):
+    """Angles [deg] at the start of hinges, springs and drivers about the axis across the plane, by names."""
+    tied = {f"k{n}": pair for n, pair in enumerate(("ground, a", "a, b", "ground, b"))}
+    coils = [f"{k}: {{type: rotational, between: [{pair}], stiffness: 1.0}}" for k, pair in tied.items()]
+    every = ", ".join((*coils, springs) if springs else coils)
+    inertia, gravity = ("[0.1, 0.1, 0.1]", "[0, 0, 0]") if spatial else ("0.1", "[0, 0]")
+    run = simulate(
+        parse_deck(f"""
+hfsim: 1
+gravity: {gravity}
+bodies: {{{", ".join(f"{k}: {{type: rigid, mass: 1.0, inertia: {inertia}}}" for k in "ab")}}}
+joints: {{h: {{type: revolute, between: [ground, a]}}{joints and ", "}{joints}}}
+springs: {{{every}}}
+initial: {{{initial}}}
+solve: {{duration: 1.0e-3}}
+output: {{channels: [{", ".join(f"{k}.angle" for k in ("h", *tied, *(["s"] if springs else ())))}]}}
+"""),
+        error_estimate=False,
+    )
+    assert run.status == "done", run.reason
+    return {k.removesuffix(".angle"): float(np.rad2deg(one[0])) for k, one in channels(run).items()}
+
+
+HINGED = "i: {type: revolute, between: [a, b]}"
+FIXED_AT_200 = "f: {type: fixed, between: [a, b], angle: 200 deg}"
+LED = HINGED + ", d: {type: driver, between: [%s], angle: %s deg}"
+
+
+@pytest.mark.parametrize(
+    ("joints", "initial"),
+    [
+        (FIXED_AT_200, "a: {angle: 720 deg}"),
+        (FIXED_AT_200, "b: {angle: 720 deg}"),
+        ("m: {type: motion, between: [a, b], turn: 400 deg, angle: 200 deg}", "a: {angle: 10 deg}"),
+        (LED % ("a, b", 720), ""),
+        (LED % ("a, b", 720), "b: {angle: 10 deg}"),
+        (HINGED, "a: {angle: 10 deg}, h: {angle: 730 deg}, b: {angle: 0}"),
+        (HINGED, "a: {angle: 10 deg}, b: {angle: 10 deg}, i: {angle: -720 deg}"),
+    ],
+)
+def test_turns_are_counted_from_the_start_in_space_as_in_the_plane(joints, initial):
+    assert placed(True, joints, initial) == pytest.approx(placed(False, joints, initial), abs=1e-9)
+
+
+def about_z(angle, form):
+    c, s, half = (float(f(np.deg2rad(angle) / n)) for f, n in ((np.cos, 1), (np.sin, 1), (np.cos, 2)))
+    return {
+        "angle": f"{{axis: [0, 0, 1], angle: {angle} deg}}",
+        "vector": f"{{rotation_vector: [0, 0, {np.deg2rad(angle)}]}}",
+        "axes": f"{{x: [{c}, {s}, 0], y: [{-s}, {c}, 0]}}",
+        "quaternion": f"{{quaternion: [{half}, 0, 0, {float(np.sin(np.deg2rad(angle) / 2))}]}}",
+    }[form]
+
+
+@pytest.mark.parametrize(
+    ("body", "zero", "angle"),
+    [
+        ((170, "angle"), (200, "angle"), -30),
+        ((170, "angle"), (-160, "vector"), 330),
+        ((170, "angle"), (200, "axes"), -30),
+        ((190, "angle"), (180, "axes"), 10),
+        ((190, "angle"), (190, "axes"), 0),
+        ((190, "vector"), (-170, "angle"), 360),
+        ((190, "quaternion"), (180, "angle"), 10),
+        ((166, "quaternion"), (-57, "angle"), -137),
+        ((166, "angle"), (-57, "angle"), 223),
+        ((300, "angle"), (0, "axes"), 300),
+        ((730, "angle"), (90, "quaternion"), 640),
+        ((550, "vector"), (180, "axes"), 370),
+        ((-550, "angle"), (0.5, "angle"), -550.5),
+    ],
+)
+def test_turns_of_an_orientation_count_where_it_states_them(body, zero, angle):
+    """Else the angle is within half a turn, but for full turns that are stated."""
+    spring = f"s: {{type: rotational, between: [ground, a], stiffness: 1.0, orientation: {about_z(*zero)}}}"
+    found = placed(True, HINGED, f"a: {{orientation: {about_z(*body)}}}", spring)
+    assert found["s"] == pytest.approx(angle, abs=1e-9)
+
+
+@pytest.mark.parametrize("zero", [(200, "angle"), (-300, "vector")])
+def test_turns_of_where_a_driver_is_zero_count(zero):
+    driver = f"d: {{type: driver, between: [ground, a], angle: 600 deg, orientation: {about_z(*zero)}}}"
+    assert placed(True, f"{HINGED}, {driver}")["h"] == pytest.approx(600 + zero[0], abs=1e-9)
