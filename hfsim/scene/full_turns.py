@@ -67,11 +67,13 @@ class TurnsAbout:
         self.axis, self._deck, self._facings = axis, deck, facings
 
     def of(self, pair: tuple[str, ...]) -> Array | None:
-        """Return by how much B is turned against A: as a joint states or a driver begins, else of both.
+        """Return by how much B is turned against A, as is stated of it or of both, or as a driver begins.
 
         Last comes how bodies stand of which nothing is stated: turned by half a turn at most.
         """
         if (turn := _of_joint(self._posed, pair)) is None:
+            turn = _of_both(self._stated, pair)
+        if turn is None:
             turn = _of_joint(self._led, pair)
         return _of_both(self._every, pair) if turn is None else turn
 
