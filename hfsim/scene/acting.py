@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 def acting(
     deck: Deck,
     bodies: Mapping[str, Body],
+    facings: Facings,
     marker: Callable[[str], Marker],
     left_out: LeftOut,
     x: Array,
@@ -35,6 +37,8 @@ def acting(
 
     Parameters
     ----------
+    facings : Facings
+        How bodies face each other at the start.
     marker : callable
         From the name of a point to what holds it.
     x : ndarray, shape (n,)
@@ -44,7 +48,7 @@ def acting(
     """
     gone = {*left_out["springs"], *left_out["loads"]}
     found, turns = [], FullTurns(deck)
-    for item, entry, part in (*_ties(deck, marker, x), *_loads(deck, bodies, marker)):
+    for item, entry, part in chain(_ties(deck, facings, marker, x), _loads(deck, bodies, marker)):
         if part.counter is not None:
             part.counter.suppose(0.0, turns.between(entry, float(part.angle(x[None])[0]), angles))
         if part.latches:
@@ -90,10 +94,9 @@ def _moving(system: System, resting: Iterable[Body]) -> Iterator[ForcePart]:
 
 
 def _ties(
-    deck: Deck, marker: Callable[[str], Marker], x: Array
+    deck: Deck, facings: Facings, marker: Callable[[str], Marker], x: Array
 ) -> Iterator[tuple[str, JointSpec | SpringSpec, ForcePart]]:
     """Yield, with its item and entry, what acts between two bodies."""
-    facings = Facings(deck)
     for name, spring in deck.springs.items():
         if spring.on:
             yield from _coupled(f"springs.{name}", spring, marker, facings, x)

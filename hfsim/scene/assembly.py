@@ -67,6 +67,16 @@ def listed(values: tuple[float, ...]) -> str:
     return text if len(values) == 1 else f"[{text}]"
 
 
+class Placed(NamedTuple):
+    """Where the bodies of a scene are put together; see `Assembly`."""
+
+    place: Array
+    poses: dict[str, Pose]
+    changes: tuple[Change, ...]
+    closed: dict[str, Turn]
+    branches: Branches
+
+
 @frozen
 class Assembly:
     """How the bodies of a scene were put together.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any, Literal, NamedTuple, TypeVar
@@ -15,7 +15,7 @@ from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import assemble, dense_up_to
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.chart import side_by_side
-from hfsim.mechanics.constraints import Constraint, constraints_of
+from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.elimination import eliminate
 from hfsim.mechanics.equations import Equations
 from hfsim.mechanics.force import merged
@@ -25,20 +25,18 @@ from hfsim.mechanics.system import System
 from hfsim.parts.bodies.models import MODELS, Model
 from hfsim.scene.acting import acting, thrown
 from hfsim.scene.assembly import Assembly
-from hfsim.scene.closing import Frame, Linkage, Sense
+from hfsim.scene.closing import Linkage
 from hfsim.scene.facing import Facings
 from hfsim.scene.freedom import FreeMotion, free_motions, slips
 from hfsim.scene.gauging import gauge_of
+from hfsim.scene.joining import joints_of, linkage_of, start_of
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.measured import coordinate_of, refuse_unread, start_turns, ties_of
 from hfsim.scene.memory import refuse_too_large
 from hfsim.scene.points import find_marker
-from hfsim.scene.posed import posing
 from hfsim.scene.redundancy import Redundancy, redundancy
-from hfsim.scene.rules import LeftOut, apply_rules, connected, keeps, owners, still_bodies, welds
+from hfsim.scene.rules import LeftOut, apply_rules, connected, keeps, owners, still_bodies
 from hfsim.scene.schema import Deck
-from hfsim.scene.start import assembled
-from hfsim.scene.stated import Start
 
 _Found = TypeVar("_Found")
 
@@ -63,6 +61,8 @@ class Scene:
         What the rules found that the scene does not need.
     assembly : Assembly
         How the bodies were put together.
+    facings : Facings
+        How they face each other there.
     redundancy : Redundancy
         What the joints hold more than once.
     rest : tuple of str
@@ -80,6 +80,7 @@ class Scene:
     start_angles: dict[str, float]
     left_out: LeftOut
     assembly: Assembly
+    facings: Facings
     redundancy: Redundancy
     rest: tuple[str, ...] = ()
 
@@ -108,7 +109,7 @@ class Scene:
     @cached_property
     def _held(self) -> Linkage:
         """The joints between frames of which they hold no more than of the bodies."""
-        return _linkage(self.deck, self.bodies, self._lines)
+        return linkage_of(self.deck, self.bodies, self.facings, self._lines)
 
     @cached_property
     def rigid_inertia(self) -> Array:
@@ -225,8 +226,8 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
     kinds = _kinds(loaded, named)
     bodies = _bodies(deck, kinds)
     refuse_too_large(loaded, bodies)
-    joints, constraints = _joints(deck, bodies)
-    start = _assembly(loaded, bodies)
+    start, facings = start_of(loaded, bodies)
+    joints, constraints = joints_of(deck, bodies, facings)
     every = tuple(zip(bodies.values(), start.poses.values(), start.twists.values(), strict=True))
     x = np.concatenate([body.placed(pose) for body, pose, _ in every])
     u = np.concatenate([body.moving(pose, twist) for body, pose, twist in every])
@@ -237,18 +238,18 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
         moving = _moving_columns(bodies, still)
         folded = {name: bodies[name].folded(start.poses[name]) for name in still}
         bodies = _bodies(deck, kinds, folded)
-        joints, constraints = _joints(deck, bodies, left_out)
+        joints, constraints = joints_of(deck, bodies, facings, left_out)
         x, u = x[moving], u[moving]
     elif left_out.fires("standing_drivers"):
-        joints, constraints = _joints(deck, bodies, left_out)
-    system = _system(deck, bodies, constraints, left_out, x, angles)
+        joints, constraints = joints_of(deck, bodies, facings, left_out)
+    system = _system(deck, bodies, facings, constraints, left_out, x, angles)
     near = np.zeros((1, system.n_x))
     for body in bodies.values() if system.charts else ():
         if body.angle_column is not None:
             near[0, body.angle_column] = angles[body.name]
     q, v = system.state(x[None], u[None], system.reduction.free_rates(near))
-    args = loaded, name, named, system, bodies, joints, q[0], v[0], angles, left_out, start, Redundancy()
-    scene = Scene(*args)
+    args = loaded, name, named, system, bodies, joints, q[0], v[0], angles, left_out, start, facings
+    scene = Scene(*args, Redundancy())
     found = redundancy(loaded, system, joints, x, gauge_of(scene))
     system = system.without(found.left_out) if found.left_out else system
     q, v = system.project(np.zeros(1), q, v)
@@ -271,26 +272,6 @@ def _kinds(loaded: LoadedDeck, models: Mapping[str, str]) -> dict[str, Model]:
         beam: MODELS[one].stepping_in(_coordinates(loaded, one, elements[beam]), elements[beam])
         for beam, one in models.items()
     }
-
-
-def _assembly(loaded: LoadedDeck, bodies: dict[str, Body]) -> Assembly:
-    deck, linkage = loaded.deck, partial(_linkage, bodies=bodies)
-    straight = {k: one.length for k, one in deck.bodies.items() if one.type == "beam" and one.axis is None}
-    start = Start(tuple(bodies), deck.motions, linkage(deck), straight, loaded.problem)
-    return assembled(start, *(posing(start, deck, linkage, rates) for rates in (False, True)))
-
-
-def _linkage(deck: Deck, bodies: Mapping[str, Body], lines: Collection[str] = ()) -> Linkage:
-    facing = Facings(deck)
-    frames = Frame.of(bodies.values(), deck.dimension, facing.centres, lines)
-    _, constraints = _joints(deck, frames)
-    n = max(frame.columns.stop for frame in frames.values())
-    senses: list[Sense] = []
-    for name, spec in deck.joints.items() if deck.dimension == 3 else ():
-        a, b = (find_marker(point, frames, deck) for point in spec.between)
-        pairs = (pair for held in spec.held(*facing.of(spec)) for pair in getattr(held, "senses", ()))
-        senses.extend((f"joints.{name}", a, b, np.array(own), np.array(other)) for own, other in pairs)
-    return Linkage(constraints, n, deck.dimension, facing.centres, tuple(senses))
 
 
 def _part(scene: Scene, group: tuple[str, ...], still: tuple[str, ...]) -> Part:
@@ -348,28 +329,10 @@ def _bodies(
     return {name: bodies[name] for name in deck.bodies}
 
 
-def _joints(
-    deck: Deck, bodies: Mapping[str, Body], left_out: LeftOut | None = None
-) -> tuple[dict[str, tuple[int, ...]], tuple[Constraint, ...]]:
-    joints: dict[str, tuple[int, ...]] = {}
-    constraints: list[Constraint] = []
-    held = welds(deck, [name for name, body in bodies.items() if body.still])
-    facings = Facings(deck)
-    for name, spec in deck.joints.items():
-        markers = (find_marker(point, bodies, deck, held=True) for point in spec.points)
-        holds = () if name in held else spec.held(*facings.of(spec))
-        rows = constraints_of(holds, *markers, item=f"joints.{name}")
-        if left_out is not None and f"joints.{name}" in left_out["standing_drivers"]:
-            rows = tuple(row.standing() for row in rows)
-        joints[name] = tuple(range(len(constraints), len(constraints) + len(rows)))
-        constraints.extend(rows)
-    constraints.extend(one for body in bodies.values() for one in body.own_constraints())
-    return joints, tuple(constraints)
-
-
 def _system(
     deck: Deck,
     bodies: dict[str, Body],
+    facings: Facings,
     constraints: tuple[Constraint, ...],
     left_out: LeftOut,
     x: Array,
@@ -391,7 +354,7 @@ def _system(
     once = left_out.fires("constant_mass")
     return System(
         charts=tuple(chart.at(free.reduction.free_columns(chart.columns)) for chart in charts),
-        forces=(*merged(needed), *acting(deck, bodies, at, left_out, x, angles)),
+        forces=(*merged(needed), *acting(deck, bodies, facings, at, left_out, x, angles)),
         equations=Equations(mass, variable, constraints, free.reduction, once, ballast),
         natural=free.increments(every),
         keeps_rates=not left_out.fires("rates"),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from copy import copy
 from functools import cached_property
 from typing import TypeAlias
 
@@ -11,11 +12,14 @@ import numpy as np
 from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import rotation, smallest_rotation
+from hfsim.mechanics.pose import Pose
 from hfsim.parts.specs import JointSpec
 from hfsim.scene.posed import started
 from hfsim.scene.schema import Deck
 
 LEVEL = np.eye(3)
+ROUNDING = 1e-9
+"""Part of a unit vector that counts as none."""
 Step: TypeAlias = "Callable[[JointSpec, Array, bool], Array | None]"
 """(joint, orientation of A, or of B if it goes back) -> that of the other, if the joint hands it on."""
 
@@ -25,6 +29,30 @@ class Facings:
 
     def __init__(self, deck: Deck) -> None:
         self._deck, self._joints = deck, started(deck)
+        self._start, self._loose = dict[str, Pose](), list[JointSpec]()
+
+    def at(self, start: Mapping[str, Pose]) -> Facings:
+        """Return them with axes of drivers, servos and motors where they are at a start that is found."""
+        found = copy(self)
+        found._start = dict(start)
+        return found
+
+    def loosened(self, start: Mapping[str, Pose]) -> Facings:
+        """Return them without the axes in B of drivers that a start has elsewhere; themselves if it has none.
+
+        Without one, an angle is that of swing and twist between the frames: where B's axis comes to lie along
+        A's it is the same with that axis.
+        """
+        found, moved = self.at(start), list[JointSpec]()
+        for joint in self._joints.values() if self._deck.dimension == 3 else ():
+            leads = joint.holds and joint.follows_start and not joint.turns and not joint.carries
+            if leads and (found.of(joint)[0] != self.of(joint)[0]).any():
+                moved.append(joint)
+        if not moved:
+            return self
+        loose = copy(self)
+        loose._loose = [*self._loose, *moved]
+        return loose
 
     @cached_property
     def known(self) -> dict[str, Array]:
@@ -98,10 +126,21 @@ class Facings:
         """Return the matrix (3, 3) from B's frame to A's where a joint's angles are zero; () in a plane."""
         if self._deck.dimension == 2:
             return ()
+        if _among(joint, self._loose):
+            return (_held(joint),)
         a, b = (split_point(end)[0] for end in joint.between)
+        stated = _held(joint)
         if joint.follows_start and a in self.known and b in self.known:
-            return (np.asarray(self.known[a].T @ self.known[b]),)
-        return (_held(joint),)
+            stated = np.asarray(self.known[a].T @ self.known[b])
+        if not self._start or not joint.follows_start or joint.turns:
+            return (stated,)
+        A, B = (rotation(self._start[body].turn) if body in self._start else LEVEL for body in (a, b))
+        moved = np.linalg.norm((A.T @ B - stated).T @ _axis(joint)) > ROUNDING
+        return (A.T @ B if moved else stated,)
+
+
+def _among(joint: JointSpec, joints: Iterable[JointSpec]) -> bool:
+    return any(one is joint for one in joints)
 
 
 def _connected(names: set[str], pairs: list[set[str]]) -> set[str]:

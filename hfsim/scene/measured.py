@@ -30,6 +30,10 @@ if TYPE_CHECKING:
 class Measured(Assembled, Protocol):
     """What is asked of a scene besides what an equilibrium needs; see `hfsim.scene.build.Scene`."""
 
+    @property
+    def facings(self) -> Facings:
+        """How the bodies face each other at the start."""
+
     def marker(self, point: str, held: bool = False) -> Marker:
         """Return the marker of a point, or what a joint holds there."""
 
@@ -63,7 +67,7 @@ def _idle(scene: Measured, name: str, unit: str) -> Tie | None:
     """Return what measures a coordinate without acting on it."""
     deck, x = scene.deck, scene.system.absolute(scene.q[None])[0]
     marker = partial(scene.marker, held=True)
-    return measuring(_tied(deck, name), marker, Facings(deck), x, unit=unit)
+    return measuring(_tied(deck, name), marker, scene.facings, x, unit=unit)
 
 
 def _tied(deck: Deck, name: str) -> AnyJoint | AnySpring:

@@ -20,7 +20,7 @@ from hfsim.maths.rotations import freedoms, rotation, rotation_vector, wrap
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Twist
-from hfsim.scene.assembly import Assembly, Branches, Change, Turn
+from hfsim.scene.assembly import Assembly, Branches, Change, Placed, Turn
 from hfsim.scene.closing import CLOSED, Linkage
 from hfsim.scene.contradicted import cannot_close, contradicted, misfaced
 from hfsim.scene.stated import AT_START, Start, Stated
@@ -45,19 +45,13 @@ ROUGH_RATE = 0.05
 """The same of stated velocities, relative to the largest of their kind."""
 
 
-def assembled(joined: Start, start: Start, moving: Start) -> Assembly:
-    """Return where the bodies of a scene are at the start, and how they move.
-
-    Parameters
-    ----------
-    joined, start, moving : Start
-        With the joints alone, with what is stated of their angles and distances, and of the rates of these.
+def placed(start: Start) -> Placed:
+    """Return where the bodies of a scene are, with what is stated of angles and distances of its joints.
 
     Raises
     ------
     DeckError
-        Naming the joint that the stated angles, positions or velocities contradict or that cannot close, and
-        by how much.
+        Naming the joint that the stated angles or positions contradict or that cannot close, and by how much.
     """
     place = start.stated("position", "angle")
     _hand_on(start, place, lambda tie: tie.target(AT_START))
@@ -65,17 +59,36 @@ def assembled(joined: Start, start: Start, moving: Start) -> Assembly:
     _refuse_twists(start, place)
     closed, branches = _settle(start, place)
     _count_on(start, place)
+    poses = dict(zip(start.names, start.linkage.poses(place.values), strict=True))
+    return Placed(place.values, poses, _changes(start, place, place.values), closed, branches)
+
+
+def assembled(joined: Start, moving: Start, at: Placed) -> Assembly:
+    """Return how the bodies of a scene are put together, and how they move.
+
+    Parameters
+    ----------
+    joined, moving : Start
+        With the joints alone, and with what is stated of rates of their angles and distances.
+    at : Placed
+        Where the bodies are.
+
+    Raises
+    ------
+    DeckError
+        Naming the joint that the stated velocities contradict, and by how much.
+    """
     rates = moving.stated("velocity", "angular_velocity")
     _hand_on(moving, rates, lambda tie: -tie.rate(AT_START)[0])
-    _settle_rates(moving, moving.linkage.slopes_by_rates(place.values), rates)
+    _settle_rates(moving, moving.linkage.slopes_by_rates(at.place), rates)
     return Assembly(
         linkage=joined.linkage,
-        place=place.values,
-        poses=dict(zip(start.names, start.linkage.poses(place.values), strict=True)),
-        twists={name: Twist(*parts) for name, parts in start.frames(rates)},
-        changes=(*_changes(start, place, place.values), *_changes(start, rates, rates.values)),
-        closed=closed,
-        branches=branches,
+        place=at.place,
+        poses=at.poses,
+        twists={name: Twist(*parts) for name, parts in joined.frames(rates)},
+        changes=(*at.changes, *_changes(joined, rates, rates.values)),
+        closed=at.closed,
+        branches=at.branches,
     )
 
 

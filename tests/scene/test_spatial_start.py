@@ -11,6 +11,7 @@ from hfsim.maths.rotations import rotation
 from hfsim.scene.assembly import angles_of
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
+from hfsim.simulate import simulate
 
 BODIES = """hfsim: 1
 gravity: [0.0, 0.0, 0.0]
@@ -365,3 +366,78 @@ solve: {duration: 0.01}
     built = build(parse_deck(text))
     x = built.system.absolute(built.q[None])
     assert np.abs(built.system.residual(np.zeros(1), x)).max() < 1e-9
+
+
+TILTED = """hfsim: 1
+gravity: [0.0, 0.0, 0.0]
+bodies:
+  a: {type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1]}
+  b: {type: rigid, mass: 1.0, inertia: [0.1, 0.2, 0.3]}
+joints:
+  w: {type: fixed, between: [ground, a], orientation: {axis: [1, 0, 0], angle: 0.5}}
+  h: {type: revolute, between: [a, b]}
+  led: {between: [ground, %s], %s}
+initial: {%s}
+solve: {duration: 0.5, tolerance: 1.0e-10}
+output: {interval: 0.25, channels: [h.angle, %s]}
+"""
+
+
+@pytest.mark.parametrize(
+    ("body", "led", "channels"),
+    [
+        ("a", "type: servo, angle: 1.0, stiffness: 1.0", "led.angle, led.moment_x, led.moment_y, led.moment_z"),
+        ("b", "type: servo, angle: 1.0, stiffness: 1.0", "led.angle, led.moment_x, led.moment_y, led.moment_z"),
+        ("b", "type: motor, torque: 0.1", "led.angle, led.angular_velocity"),
+        ("b", "type: driver, angle: {type: constant_rate, rate: 3.0}", "led.angle, led.moment_x, led.moment_y"),
+    ],
+)
+def test_axes_in_second_bodies_are_those_of_the_start_not_of_a_guess(body, led, channels):
+    """What acts across the axis is that of an axis which is not tilted at the start."""
+    guesses = ("", *(f"{k}: {{orientation: {{axis: [1, 0, 0], angle: {x}}}}}" for k, x in (("a", 0.5), ("a", 0.1))))
+    both = [f"{one}, {one.replace('a:', 'b:', 1)}" if one else "" for one in guesses]
+    runs = [simulate(parse_deck(TILTED % (body, led, one, channels)), error_estimate=False) for one in both]
+    assert [run.status for run in runs] == ["done"] * 3
+    assert not runs[1].statistics["warnings"] and "guess" in runs[2].statistics["warnings"][0]
+    for exact, *others in zip(*(run.channels for run in runs), strict=True):
+        for one in others:
+            assert one.values == pytest.approx(exact.values, abs=1e-8), one.name
+
+
+LED_THROUGH = """hfsim: 1
+gravity: [0.0, 0.0, 0.0]
+bodies:
+  a: {type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1], points: {e: [1, 0, 0]}}
+  b: {type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1]}
+joints:
+  g: {type: %s, between: [ground, a]}
+  h: {type: %s, between: [a.e, b]}
+  d: {type: driver, between: [ground, b], axis: [0.6, -0.2, 0.5], angle: {type: constant_rate, start: -0.7, rate: 2.0}%s}
+initial: {%s}
+solve: {duration: 0.02}
+output: {interval: 0.02, channels: [d.angle]}
+"""
+ROUGH = "a: {orientation: {rotation_vector: [0.4, 0.5, -0.3]}}"
+
+
+@pytest.mark.parametrize("zero", ["", ", orientation: {rotation_vector: [0.9, 0.2, 0.4]}"])
+@pytest.mark.parametrize(
+    ("first", "second", "initial"),
+    [
+        ("universal", "universal", ""),
+        ("universal", "universal", "b: {orientation: {rotation_vector: [0.4, 0.5, -0.3]}}"),
+        ("revolute, axis: [0.3, 0.4, 0.9]", "revolute, axis: [0.8, 0.1, 0.5]", ROUGH),
+        ("spherical", "revolute, axis: [0.8, 0.1, 0.5]", ROUGH),
+    ],
+)
+def test_a_driver_that_decides_where_bodies_start_has_its_axis_there(zero, first, second, initial):
+    """Its angle there is that of swing and twist, by the quaternion of B in A."""
+    deck = LED_THROUGH % (first, second, zero, initial)
+    built, own = build(parse_deck(deck)), np.array([0.6, -0.2, 0.5]) / np.sqrt(0.65)
+    R = turns(built)["b"]
+    from_zero = R @ rotation(np.array([0.9, 0.2, 0.4])).T if zero else R
+    turned = np.array([from_zero[2, 1] - from_zero[1, 2], from_zero[0, 2] - from_zero[2, 0], from_zero[1, 0] - from_zero[0, 1]])
+    assert 2.0 * np.arctan2(turned @ own, np.trace(from_zero) + 1.0) == pytest.approx(-0.7, abs=1e-9)
+    assert built.facings.of(built.deck.joints["d"])[0].T @ own == pytest.approx(R.T @ own, abs=1e-9)
+    run = simulate(parse_deck(deck), error_estimate=False)
+    assert run["d.angle"] == pytest.approx([-0.7, -0.66], abs=1e-9)
