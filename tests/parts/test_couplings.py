@@ -115,7 +115,8 @@ def test_full_turns_at_the_start_and_distances_count():
     run = hfsim.run(parsed(BELT), {"initial": {"pa": {"angle": "370 deg"}}, "springs.belt.rest_angle": 1.0})
     assert run["belt.angle"][0] == pytest.approx(2.0 * np.radians(370.0))
     assert run["belt.torque"][0] == pytest.approx(-1000.0 * (2.0 * np.radians(370.0) - 1.0))
-    rest = hfsim.run(parsed(BEVEL), {"initial": {"axle": {"angle": "370 deg"}, "shaft": {"angle": "-200 deg"}}})
+    turned = {"axle": {"angle": "370 deg"}, "shaft": {"angle": "-200 deg"}}
+    rest = hfsim.run(parsed(BEVEL), {"initial": turned})
     assert rest["teeth.torque"][0] == 0.0 and rest["shaft.angle"][0] == pytest.approx(np.radians(-200))
 
 
