@@ -255,7 +255,11 @@ class Linkage:
     def search(self, x: Array, free: BoolArray) -> list[Array]:
         """Return all places found near which, from places (n_batch, n) on, the joints hold."""
         found = self.descend(x, free)
-        return [one for one in found if self.close(one, free) < CLOSED and self.right_way_round(one)]
+        return [one for one in found if self.closes(one, free)]
+
+    def closes(self, x: Array, free: BoolArray) -> bool:
+        """Close joints, as `close` does, and tell whether they hold then, the right way round."""
+        return self.close(x, free) < CLOSED and self.right_way_round(x)
 
     def right_way_round(self, x: Array) -> bool:
         """Tell whether axes that joints hold point the same way at places (n,)."""

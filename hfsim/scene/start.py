@@ -17,15 +17,16 @@ from hfsim.errors import DeckError
 from hfsim.maths.arrays import Array, BoolArray, IntArray, magnitude
 from hfsim.maths.matrices import smallest_step
 from hfsim.maths.rotations import freedoms, rotation, rotation_vector, wrap
-from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Twist
 from hfsim.scene.assembly import Assembly, Branches, Change, Placed, Turn
+from hfsim.scene.beside import by_itself, taken_back
 from hfsim.scene.closing import CLOSED, Linkage
 from hfsim.scene.contradicted import cannot_close, contradicted, misfaced
+from hfsim.scene.handed_on import hand_on, hand_on_faces, hand_on_known_faces
 from hfsim.scene.stated import AT_START, Start, Stated
 
-GROUND, TURN = None, 2.0 * np.pi
+TURN = 2.0 * np.pi
 MOST_STATED = 50
 """Bodies in scenes of which it is looked for what other stated angles would do."""
 APART = 1e-3
@@ -54,8 +55,8 @@ def placed(start: Start) -> Placed:
         Naming the joint that the stated angles or positions contradict or that cannot close, and by how much.
     """
     place = start.stated("position", "angle")
-    _hand_on(start, place, lambda tie: tie.target(AT_START))
-    _hand_on_known_faces(start, place)
+    hand_on(start, place, lambda tie: tie.target(AT_START))
+    hand_on_known_faces(start, place)
     _refuse_twists(start, place)
     closed, branches = _settle(start, place)
     _count_on(start, place)
@@ -79,7 +80,7 @@ def assembled(joined: Start, moving: Start, at: Placed) -> Assembly:
         Naming the joint that the stated velocities contradict, and by how much.
     """
     rates = moving.stated("velocity", "angular_velocity")
-    _hand_on(moving, rates, lambda tie: -tie.rate(AT_START)[0])
+    hand_on(moving, rates, lambda tie: -tie.rate(AT_START)[0])
     _settle_rates(moving, moving.linkage.slopes_by_rates(at.place), rates)
     return Assembly(
         linkage=joined.linkage,
@@ -90,69 +91,6 @@ def assembled(joined: Start, moving: Start, at: Placed) -> Assembly:
         closed=at.closed,
         branches=at.branches,
     )
-
-
-def _hand_on(start: Start, given: Stated, step: Callable[[Constraint], Array]) -> None:
-    """Take turns that are not stated from other bodies, along the constraints that fix them."""
-    turns, stated, unknown = (
-        kind.reshape(len(start.names), -1)[:, start.n_dim :]
-        for kind in (given.values, given.stated, given.open)
-    )
-    known: dict[int | None, Array] = {GROUND: np.zeros(turns.shape[1])}
-    known |= {int(k): turns[k] for k in np.flatnonzero(stated[:, -1])}
-    owner = start.linkage.owner
-    ties = [(tie, owner(tie.ends[0]), owner(tie.ends[1])) for tie in start.ties]
-    before = -1
-    while before < len(known):
-        before = len(known)
-        for tie, a, b in ties:
-            if a in known and b not in known:
-                known[b] = known[a] + step(tie)
-            elif b in known and a not in known:
-                known[a] = known[b] - step(tie)
-    for k, turn in known.items():
-        if k is not GROUND:
-            turns[k], unknown[k] = turn, False
-
-
-def _hand_on_known_faces(start: Start, place: Stated) -> None:
-    """Take turns in space that are not stated from other bodies, along the joints that hold three axes."""
-    unknown = place.open.reshape(len(start.names), -1)[:, start.n_dim :]
-    for k in _hand_on_faces(start, place, place.values) - {GROUND}:
-        unknown[k] = False
-
-
-def _hand_on_faces(start: Start, place: Stated, x: Array, guessed: bool = False) -> set[int | None]:
-    """Turn bodies in space, in places (n,), as joints that hold three axes have them against known ones.
-
-    If they are guessed, then against the others too, which are known one after another.
-
-    Returns
-    -------
-    set of int or None
-        Which bodies are known then, and the ground.
-    """
-    link, turns = start.linkage, x.reshape(len(start.names), -1)[:, start.n_dim :]
-    unknown = place.open.reshape(len(start.names), -1)[:, start.n_dim :].any(axis=1)
-    known: set[int | None] = set(np.flatnonzero(~unknown).tolist())
-
-    def handed_on() -> bool:
-        before = len(known)
-        for _, (a, b), held, faced in link.faced(x):
-            first, second = link.owner(a), link.owner(b)
-            if (first in known) != (second in known):
-                forth, back = (second, a, held @ faced.T), (first, b, held.T @ faced)
-                own, end, turn = forth if first in known else back
-                axes = np.stack([end.turned(x[None], e)[0] for e in np.eye(3)], axis=1)
-                turns[own] = rotation_vector(axes @ turn @ axes.T @ rotation(turns[own]))
-                known.add(own)
-        return len(known) > before
-
-    for one in (GROUND, *(np.flatnonzero(unknown).tolist() if guessed else ())):
-        known.add(one)
-        while handed_on():
-            pass
-    return known
 
 
 def _refuse_twists(start: Start, place: Stated) -> None:
@@ -186,18 +124,21 @@ def _settle(start: Start, place: Stated) -> tuple[dict[str, Turn], Branches]:
         As in `Assembly`.
     """
     link, x, free = start.linkage, place.values, ~place.stated
-    if link.close(x, free & ~link.turns) < CLOSED and link.right_way_round(x):
+    shifts = free & ~link.turns
+    alone = x if link.closes(x, shifts) else by_itself(start, place, x)
+    if alone is x or link.closes(alone, shifts):
+        x[:] = alone
         return {}, partial(_told_ways, start, place, free)
-    begin = x.copy()
+    begin, unknown = x.copy(), start.turns_of(place.open).any(axis=1)
     starts = link.starts(begin, place.open & link.turns)
     if not (found := link.search(starts[:1], free)):
         for one in starts[1:]:
-            _hand_on_faces(start, place, one, guessed=True)
+            hand_on_faces(start, one, np.flatnonzero(~unknown), np.flatnonzero(unknown).tolist())
         found = link.search(starts[1:], free)
     guessed = not found
     if guessed:
         found, free = _guesses(start, place, starts), ~place.exact
-    x[:] = _near(link, found[0], begin)
+    x[:] = taken_back(start, place, _near(link, found[0], begin))
     follow = _following(start, place.open & link.turns, np.abs(x - begin) > CLOSED)
     return _turned(start, x, follow), partial(_branches, start, place, free, begin, starts, follow, guessed)
 
@@ -206,8 +147,8 @@ def _count_on(start: Start, place: Stated) -> None:
     """Add full turns to angles in the plane where joints and drivers fix so many: where they are not stated,
     or those of joints are, beside which bodies are guesses.
     """
-    turns = place.values.reshape(len(start.names), -1)[:, start.n_dim :]
-    free = (place.open & start.linkage.turning).reshape(turns.shape[0], -1)[:, -1]
+    turns = start.turns_of(place.values)
+    free = start.turns_of(place.open & start.linkage.turning)[:, -1]
     owner, ties = start.linkage.owner, start.ties if start.n_dim == 2 else ()
     for _ in ties:
         before = turns.copy()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from hfsim.scene.closing import CLOSED, Linkage
 from hfsim.scene.initial import InitialSpec
 
 AT_START = np.zeros(1)
+_Values = TypeVar("_Values", Array, BoolArray)
 
 
 @frozen
@@ -55,6 +57,10 @@ class Start:
         """Deck paths of what is stated of joints, in words."""
         items = dict.fromkeys(c.item for c in self.linkage.constraints if c.item.startswith("initial."))
         return ", ".join(items)
+
+    def turns_of(self, values: _Values) -> _Values:
+        """Return those of values (n,) of all frames that are of turns, (n_bodies, n_spin): a view."""
+        return values.reshape(len(self.names), -1)[:, self.n_dim :]
 
     def stated(self, origin: str, turn: str) -> Stated:
         """Return the stated values of two quantities of each body, zero for the rest."""
