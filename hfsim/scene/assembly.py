@@ -75,6 +75,7 @@ class Placed(NamedTuple):
     changes: tuple[Change, ...]
     closed: dict[str, Turn]
     branches: Branches
+    loose: Callable[[], Array]
 
 
 @frozen
@@ -95,6 +96,8 @@ class Assembly:
         Angles of bodies that the deck does not state, as loops close; in space rotation vectors [rad].
     branches : callable
         () -> the same angles in each of the other ways to close that are found; the search takes a while.
+    loose : callable
+        () -> rates (k, n) of the frames, in each motion that joints and what is stated leave free.
     """
 
     linkage: Linkage
@@ -104,6 +107,7 @@ class Assembly:
     changes: tuple[Change, ...]
     closed: dict[str, Turn]
     branches: Branches
+    loose: Callable[[], Array]
 
     def tangent(self, body: str) -> Array:
         """Return the first axis of a body, shape (3,), in space."""

@@ -26,8 +26,9 @@ from hfsim.parts.bodies.models import MODELS, Model
 from hfsim.scene.acting import acting, thrown
 from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Linkage
+from hfsim.scene.doubtful import doubtful
 from hfsim.scene.facing import Facings
-from hfsim.scene.freedom import FreeMotion, free_motions, slips
+from hfsim.scene.freedom import FreeMotion, free_motions
 from hfsim.scene.gauging import gauge_of
 from hfsim.scene.joining import joints_of, linkage_of, start_of
 from hfsim.scene.loading import LoadedDeck
@@ -131,11 +132,9 @@ class Scene:
     def warnings(self) -> list[str]:
         """What looks wrong: slips in the deck, guesses far off, free motions hardly meant to be so."""
         found = [*self.loaded.warnings, *self.assembly.warnings()]
-        looks = slips(self.deck, self.assembly, self.free_motions or [])
         resting = [self.bodies[name] for name in self.deck.resting if name in self.bodies]
         off = thrown(self.system, self.system.absolute(self.q[None])[0], resting)
-        told = (*self.redundancy.told(self.loaded), *self._not_borne(), *off)
-        for path, what in (*looks, *told):
+        for path, what in (*doubtful(self), *self.redundancy.told(self.loaded), *self._not_borne(), *off):
             line = self.loaded.line_of(path)
             found.append(f"{path}{f' (line {line})' if line else ''}: {what}")
         return [*found, *self.rest]

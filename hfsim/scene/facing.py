@@ -58,10 +58,10 @@ class Facings:
     def known(self) -> dict[str, Array]:
         """Orientations (3, 3) of the ground and of bodies, stated or handed on by joints.
 
-        First by joints that fix them, then by drivers of hinges and by universal joints that state theirs,
-        then by hinges alone: about the axis the other body is turned as little as can be against the ground.
-        Last by other universal joints: handed on through these before, the axis of a hinge would not be
-        where it is stated.  Of bodies that are joined to none of these, the first one stands level.
+        First by joints that fix them, then by drivers of hinges and by universal joints and hinges that state
+        theirs, then by hinges alone: about the axis the other body is turned as little as can be against the
+        ground.  Last by other universal joints: handed on through these before, the axis of a hinge would not
+        be where it is stated.  Of bodies that are joined to none of these, the first one stands level.
         """
         deck = self._deck
         stated = {name: entry.turn(3) for name, entry in deck.motions.items()}
@@ -161,11 +161,12 @@ def by_holding(joint: JointSpec, known: Array, back: bool) -> Array | None:
 
 def _by_statement(joint: JointSpec, known: Array, back: bool) -> Array | None:
     """Return where a joint that leaves turns states that the other body is."""
-    if not joint.swings:
+    if not (joint.swings or joint.turns):
         return None
     from hfsim.deck.orientation import matrix_of
 
-    return None if matrix_of(joint) is None else _by_orientation(joint, known, back)
+    stated = matrix_of(joint) if joint.swings else getattr(joint, "orientation", None)
+    return None if stated is None else known @ (_held(joint).T if back else _held(joint))
 
 
 def _by_orientation(joint: JointSpec, known: Array, back: bool) -> Array | None:

@@ -68,4 +68,7 @@ def _driver(joint: JointSpec, unit: str, value: float, rates: bool) -> JointSpec
     law = ConstantRateSpec(type="constant_rate", start=start, rate=rate)
     angle, position = (law, None) if unit == "rad" else (None, law)
     axis, kind = getattr(joint, "axis", None), PacerSpec if rates else DriverSpec
-    return kind(type="driver", between=joint.between, axis=axis, angle=angle, position=position)
+    zero = getattr(joint, "orientation", None) if unit == "rad" else None
+    return kind(
+        type="driver", between=joint.between, axis=axis, angle=angle, position=position, orientation=zero
+    )

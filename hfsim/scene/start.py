@@ -16,6 +16,7 @@ import numpy as np
 from hfsim.errors import DeckError
 from hfsim.maths.arrays import Array, BoolArray, IntArray, magnitude
 from hfsim.maths.matrices import smallest_step
+from hfsim.maths.rank import null_space
 from hfsim.maths.rotations import freedoms, rotation, rotation_vector, wrap
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Twist
@@ -61,7 +62,8 @@ def placed(start: Start) -> Placed:
     closed, branches = _settle(start, place)
     _count_on(start, place)
     poses = dict(zip(start.names, start.linkage.poses(place.values), strict=True))
-    return Placed(place.values, poses, _changes(start, place, place.values), closed, branches)
+    changes = _changes(start, place, place.values)
+    return Placed(place.values, poses, changes, closed, branches, partial(_loose, start, place))
 
 
 def assembled(joined: Start, moving: Start, at: Placed) -> Assembly:
@@ -90,7 +92,18 @@ def assembled(joined: Start, moving: Start, at: Placed) -> Assembly:
         changes=(*at.changes, *_changes(joined, rates, rates.values)),
         closed=at.closed,
         branches=at.branches,
+        loose=at.loose,
     )
+
+
+def _loose(start: Start, place: Stated) -> Array:
+    """Return the motions (k, n) that joints and what is stated leave free."""
+    link, free = start.linkage, ~place.stated
+    rows = link.slopes_by_rates(place.values) * link.units / link.scales[:, None]
+    motions = np.zeros((len(free), len(free)))
+    allowed = null_space(rows[:, free])
+    motions[: allowed.shape[1], free] = allowed.T
+    return motions[: allowed.shape[1]] * link.units
 
 
 def _refuse_twists(start: Start, place: Stated) -> None:
@@ -248,6 +261,8 @@ def _guesses(start: Start, place: Stated, starts: Array) -> list[Array]:
         if size < CLOSED:  # the other way round, all would
             turned = place.stated & link.turns
             _refuse_faces(start, best, lambda ends: any(turned[m.columns].any() for m in ends))
+            unturned = link.descend(x[None], ~place.stated & ~link.turns)[0]
+            raise contradicted(start, place, *link.worst(unturned))
         raise cannot_close(start, place, opened, size)
     near = min(
         (_near(link, one, x) for one in found),

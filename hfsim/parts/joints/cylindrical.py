@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Literal
 
-from hfsim.deck.fields import Axis
+from hfsim.deck.fields import Axis, Orientation
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import across
 from hfsim.mechanics.constraints import Held, Shift
@@ -27,6 +27,10 @@ class CylindricalSpec(JointSpec):
     axis: Axis | None = None
     """Axis in A's frame [-]; [0, 0, 1] without it."""
 
+    orientation: Orientation | None = None
+    """Orientation of B's frame relative to A's where the angle is zero, and where B starts if nothing else
+    says so; without it the smallest rotation that takes the axis in B to that in A."""
+
     turning: TurningResistanceSpec | None = None
     """Damping, friction, stops and latch of the turn."""
 
@@ -42,7 +46,7 @@ class CylindricalSpec(JointSpec):
 
     def coordinates(self, facing: Array | None = None) -> Iterator[tuple[str, Held]]:
         """Yield turn and shift."""
-        yield "turning", coordinate(self.axis, True, facing)
+        yield "turning", coordinate(self.axis, True, facing, self.orientation)
         yield "sliding", coordinate(self.axis, False, facing)
 
     @property

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Literal
 
-from hfsim.deck.fields import Axis
+from hfsim.deck.fields import Axis, Orientation
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift
 from hfsim.parts.joints._coordinate import coordinate
@@ -20,7 +20,8 @@ class RevoluteSpec(JointSpec, TurningResistanceSpec):
     What resists the turn knows its angle as a driver of the same points and axis has it.
     """
 
-    vectors = spatial = ("axis",)
+    vectors = ("axis",)
+    spatial = ("axis", "orientation")
     meets = turns = follows_start = True
     measures = (("rad", ""),)
 
@@ -28,6 +29,10 @@ class RevoluteSpec(JointSpec, TurningResistanceSpec):
 
     axis: Axis | None = None
     """Axis in A's frame, in space [-]; [0, 0, 1] without it."""
+
+    orientation: Orientation | None = None
+    """Orientation of B's frame relative to A's where the angle is zero, in space, and where B starts if
+    nothing else says so; without it the smallest rotation that takes the axis in B to that in A."""
 
     def held(self, facing: Array | None = None) -> tuple[Held, ...]:
         """Return what the joint holds."""
@@ -39,7 +44,7 @@ class RevoluteSpec(JointSpec, TurningResistanceSpec):
 
     def coordinates(self, facing: Array | None = None) -> Iterator[tuple[str, Held]]:
         """Yield the turn."""
-        yield "", coordinate(self.axis, True, facing)
+        yield "", coordinate(self.axis, True, facing, self.orientation)
 
     @property
     def resisting(self) -> "Mapping[str, tuple[Resistance, ...]]":
