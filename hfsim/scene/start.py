@@ -38,6 +38,8 @@ ROUGH_TURN = 0.2
 """The same where a joint or driver fixes the angle outright [rad]."""
 ROUGH_PLACE = 0.05
 """The same of a stated position, relative to the largest distance of a joint from what it is on."""
+APPROACH = 20
+"""Steps towards the places that are nearest to what is stated."""
 MOST_ROWS = 500
 """Joint equations up to which spins are told from velocities that follow from them by dense algebra."""
 LIGHT, PASSES = 1e-4, 3
@@ -264,14 +266,38 @@ def _guesses(start: Start, place: Stated, starts: Array) -> list[Array]:
             unturned = link.descend(x[None], ~place.stated & ~link.turns)[0]
             raise contradicted(start, place, *link.worst(unturned))
         raise cannot_close(start, place, opened, size)
-    near = min(
-        (_near(link, one, x) for one in found),
-        key=lambda one: magnitude(((one - x) / link.units)[place.stated]),
-    )
+    near = min((_near(link, one, x) for one in found), key=partial(_off, link, place))
+    near = _nearest(link, place, near)
     allowed = _changes(start, place, near)
     if any(change.rough > 1.0 for change in allowed):
         raise contradicted(start, place, *link.worst(best), allowed)
     return [near]
+
+
+def _off(link: Linkage, place: Stated, x: Array) -> float:
+    """Return by how much places (n,) are off what is stated, the largest of it, in units."""
+    return magnitude(((x - place.values) / link.units)[place.stated])
+
+
+def _nearest(link: Linkage, place: Stated, x: Array) -> Array:
+    """Return places (n,) in which joints hold, next to x, with the smallest change of what is stated.
+
+    What is not stated follows, by however much.
+    """
+    guesses, others, units = place.stated & ~place.exact, ~place.stated, link.units
+    begin, one = place.values, x.copy()
+    for _ in range(APPROACH if len(link.scales) <= MOST_ROWS else 0):
+        J, gap = link.slopes(one[None], np.ones(len(x), dtype=bool))[0], link.gaps(one[None])[0]
+        back = ((begin - one) / units)[guesses]
+        left = _left(J[:, others])
+        step = np.zeros(len(x))
+        step[guesses] = back - smallest_step(left @ J[:, guesses], left @ (J[:, guesses] @ back + gap))
+        step[others] = -smallest_step(J[:, others], gap + J @ step)
+        one += units * step
+        if magnitude(step) < CLOSED:
+            break
+    before, after = (np.linalg.norm(((way - begin) / units)[guesses]) for way in (x, one))
+    return one if after < before and link.closes(one, ~place.exact) else x
 
 
 def _near(link: Linkage, x: Array, begin: Array) -> Array:
@@ -288,16 +314,32 @@ def _settle_rates(start: Start, J: Array, rates: Stated) -> None:
     """Change what is not stated until the joints hold, then guesses, as `_settle`."""
     link, values = start.linkage, rates.values
     none = CLOSED * max(1.0, magnitude(values / link.units))
+    before = _follow_rates(link, J, rates, none)
+    missed, allowed = before / link.scales, tuple[Change, ...]()
+    if magnitude(missed) >= none:
+        guesses, others = rates.stated & ~rates.exact, ~rates.stated
+        if len(J) <= MOST_ROWS:
+            left = _left(J[:, others])
+            values -= _least_turning(link, left @ J, guesses, left @ before)
+            values[others] = 0.0
+        else:
+            values -= _least_turning(link, J, guesses | others, before)
+        missed = _follow_rates(link, J, rates, none) / link.scales
+        allowed = _changes(start, rates, values)
+    if magnitude(missed) >= none or any(change.rough > 1.0 for change in allowed):
+        raise contradicted(start, rates, *link.largest_of(before / link.scales), allowed)
+
+
+def _follow_rates(link: Linkage, J: Array, rates: Stated, none: float) -> Array:
+    """Change what is not stated, velocities first, until gaps are none; return those that are left."""
+    values = rates.values
     gap = J @ values + link.drift
-    for free in (~rates.stated & ~link.turns, ~rates.stated, ~rates.exact):
-        before = gap
-        values[free] -= _least_turning(link, J, free, gap)[free]
+    for free in (~rates.stated & ~link.turns, ~rates.stated):
+        values -= _least_turning(link, J, free, gap)
         gap = J @ values + link.drift
         if magnitude(gap / link.scales) < none:
             break
-    allowed = _changes(start, rates, values)
-    if magnitude(gap / link.scales) >= none or any(change.rough > 1.0 for change in allowed):
-        raise contradicted(start, rates, *link.largest_of(before / link.scales), allowed)
+    return gap
 
 
 def _least_turning(link: Linkage, J: Array, free: BoolArray, gap: Array) -> Array:
@@ -307,8 +349,7 @@ def _least_turning(link: Linkage, J: Array, free: BoolArray, gap: Array) -> Arra
     """
     step, shifts, spins = np.zeros(len(free)), free & ~link.turns, free & link.turns
     if spins.any() and len(J) <= MOST_ROWS:
-        sides, sizes, _ = np.linalg.svd(J[:, shifts])
-        left = sides[:, int(np.sum(sizes > CLOSED * sizes.max(initial=0.0))) :].T
+        left = _left(J[:, shifts])
         step[spins] = smallest_step(left @ J[:, spins], left @ gap)
     elif spins.any():
         units = np.where(link.turns, LIGHT, link.size)[free]
@@ -317,6 +358,12 @@ def _least_turning(link: Linkage, J: Array, free: BoolArray, gap: Array) -> Arra
             step[free] += units * smallest_step(rows, missed - rows @ (step[free] / units))
     step[shifts] += smallest_step(J[:, shifts], gap - J @ step)
     return step
+
+
+def _left(J: Array) -> Array:
+    """Return the combinations of equations (k, m) that coordinates with derivatives (m, n) do not change."""
+    sides, sizes, _ = np.linalg.svd(J)
+    return np.asarray(sides[:, int(np.sum(sizes > CLOSED * sizes.max(initial=0.0))) :].T)
 
 
 def _changes(start: Start, given: Stated, values: Array) -> tuple[Change, ...]:
