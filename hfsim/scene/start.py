@@ -211,8 +211,8 @@ def _told_ways(
     found: list[dict[str, Turn]] = []
     for k, x in _otherwise(start, place, free):
         numbers = dict.fromkeys([k, *(int(column) // freedoms(start.n_dim) for column in follow)])
-        turns = {start.names[n]: float(start.linkage.poses(x)[n].turn[0]) for n in numbers}
-        found.append({name: float(wrap(np.array(turn))) for name, turn in turns.items()})
+        turns = start.turns_of(np.where(start.linkage.turning, wrap(x), x))[:, 0]  # gears count full turns
+        found.append({start.names[n]: float(turns[n]) for n in numbers})
     return found
 
 

@@ -245,3 +245,15 @@ def test_the_nearest_start_does_not_count_what_only_follows():
     assert [twist.spin[0] for twist in found.twists.values()] == pytest.approx([10.1, 10.1, 30.3])
     with pytest.raises(DeckError, match=r"a\.angular_velocity 6 rad/s, b\.angular_velocity 6 rad/s"):
         build(parse_deck(NEAR.replace("INITIAL", "a: {angular_velocity: 10}, b: {angular_velocity: 2}")))
+
+
+def test_the_other_way_to_close_is_told_with_the_full_turns_that_gears_count():
+    """Told as 30 deg, which the deck states already, it was no other way."""
+    driver = "dr: {type: driver, between: [ground, a], angle: {type: constant_rate, rate: 3.0, start: 30 deg}}"
+    text = "\n".join(line for line in NEAR.splitlines() if not line.startswith(("  c:", "  jc:", "  h:")))
+    text = text.replace("ratio: 1}", "ratio: 0.25}").replace("  g:", f"  {driver}\n  g:")
+    found = build(parse_deck(text.replace("INITIAL", "a: {angle: 30 deg}"))).assembly
+    told = [{name: np.degrees(turn) for name, turn in way.items()} for way in found.branches()]
+    assert told[0]["a"] % 360.0 == pytest.approx(30.0) and abs(told[0]["a"] - 30.0) > 1.0
+    other = build(parse_deck(text.replace("INITIAL", f"a: {{angle: {float(told[0]['a'])!r} deg}}"))).assembly
+    assert np.degrees(other.poses["b"].turn[0]) == pytest.approx(told[0]["b"])
