@@ -42,8 +42,8 @@ def doubtful(scene: Measured) -> Iterator[tuple[str, str]]:
 
 
 def _turned(spec: Any) -> bool:
-    """Tell whether a joint or a spring has an angle."""
-    return any(unit == "rad" and (not key or getattr(spec, key) is not None) for unit, key in spec.measures)
+    """Tell whether a joint or a spring has an angle of two bodies."""
+    return not getattr(spec, "on", None) and any(unit == "rad" and (not key or getattr(spec, key) is not None) for unit, key in spec.measures)
 
 
 # --- where an angle is zero -----------------------------------------------------------------------
