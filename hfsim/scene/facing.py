@@ -123,7 +123,10 @@ class Facings:
         return np.array([found[name] for name in self._deck.bodies])
 
     def of(self, joint: JointSpec) -> tuple[Array, ...]:
-        """Return the matrix (3, 3) from B's frame to A's where a joint's angles are zero; () in a plane."""
+        """Return the matrix (3, 3) from B's frame to A's where a joint's angles are zero; () in a plane.
+
+        A line without sections has an angle of its tangent, which no tilt at the start changes.
+        """
         if self._deck.dimension == 2:
             return ()
         if _among(joint, self._loose):
@@ -132,7 +135,8 @@ class Facings:
         stated = _held(joint)
         if joint.follows_start and a in self.known and b in self.known:
             stated = np.asarray(self.known[a].T @ self.known[b])
-        if not self._start or not joint.follows_start or joint.turns:
+        line = b != "ground" and not self._deck.bodies[b].sectioned
+        if not self._start or line or joint.turns or not joint.follows_start:
             return (stated,)
         A, B = (rotation(self._start[body].turn) if body in self._start else LEVEL for body in (a, b))
         moved = np.linalg.norm((A.T @ B - stated).T @ _axis(joint)) > ROUNDING

@@ -441,3 +441,32 @@ def test_a_driver_that_decides_where_bodies_start_has_its_axis_there(zero, first
     assert built.facings.of(built.deck.joints["d"])[0].T @ own == pytest.approx(R.T @ own, abs=1e-9)
     run = simulate(parse_deck(deck), error_estimate=False)
     assert run["d.angle"] == pytest.approx([-0.7, -0.66], abs=1e-9)
+
+
+LINE = """hfsim: 1
+gravity: [0, 0, 0]
+materials: {steel: {density: 7800, youngs_modulus: 2.0e11, poisson_ratio: 0.3}}
+sections: {round: {shape: circle, diameter: 1 cm}}
+ground: {points: {c: [0, 0, 0.3]}}
+bodies:
+  rod: {type: beam, material: steel, section: round, length: 1.0, elements: 2, element: cable}
+  b: {type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1]}
+  c: {type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1]}
+joints:
+  s: {type: spherical, between: [ground, rod.root]}
+  f: {type: prismatic, between: [ground.c, c], axis: [1, 0, 0]}
+  g: {type: prismatic, between: [c, b], axis: [0, 1, 0]}
+  e: {type: spherical, between: [b, rod.tip]}
+  v: {between: [ground, rod.root], %s}
+initial: {rod: {angle: 0.1}}
+solve: {duration: 0.01}
+output: {channels: [v.angle, b.x, b.y]}
+"""
+
+
+def test_a_line_that_is_tilted_at_the_start_has_the_angle_of_its_tangent():
+    run = simulate(parse_deck(LINE % "type: servo, angle: 0.5, stiffness: 1.0"), error_estimate=False)
+    assert run["v.angle"][0] == pytest.approx(np.arctan2(run["b.y"][0], run["b.x"][0]), abs=1e-9)
+    assert run["b.x"][0] ** 2 + run["b.y"][0] ** 2 == pytest.approx(0.91, abs=1e-9)
+    run = simulate(parse_deck(LINE % "type: driver, angle: 0.2"), error_estimate=False)
+    assert run["v.angle"][0] == pytest.approx(0.2, abs=1e-9)
