@@ -43,7 +43,8 @@ def doubtful(scene: Measured) -> Iterator[tuple[str, str]]:
 
 def _turned(spec: Any) -> bool:
     """Tell whether a joint or a spring has an angle of two bodies."""
-    return not getattr(spec, "on", None) and any(unit == "rad" and (not key or getattr(spec, key) is not None) for unit, key in spec.measures)
+    having = (unit == "rad" and (not key or getattr(spec, key) is not None) for unit, key in spec.measures)
+    return not getattr(spec, "on", None) and any(having)
 
 
 # --- where an angle is zero -----------------------------------------------------------------------

@@ -28,8 +28,13 @@ class Facings:
     """Orientations that a deck states or that joints hand on from those; none in the plane."""
 
     def __init__(self, deck: Deck) -> None:
-        self._deck, self._joints = deck, started(deck)
+        self._deck = deck
         self._start, self._loose = dict[str, Pose](), list[JointSpec]()
+
+    @cached_property
+    def _joints(self) -> dict[str, JointSpec]:
+        """The joints, and drivers for what is stated of some at the start."""
+        return started(self._deck)
 
     def at(self, start: Mapping[str, Pose]) -> Facings:
         """Return them with axes of drivers, servos and motors where they are at a start that is found."""

@@ -334,7 +334,8 @@ def _follow_rates(link: Linkage, J: Array, rates: Stated, none: float) -> Array:
     """Change what is not stated, velocities first, until gaps are none; return those that are left."""
     values = rates.values
     gap = J @ values + link.drift
-    for free in (~rates.stated & ~link.turns, ~rates.stated):
+    again = PASSES if len(J) > MOST_ROWS else 1  # sparse factors leave more than rounding
+    for free in (~rates.stated & ~link.turns, *[~rates.stated] * again):
         values -= _least_turning(link, J, free, gap)
         gap = J @ values + link.drift
         if magnitude(gap / link.scales) < none:

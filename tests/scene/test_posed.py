@@ -6,6 +6,7 @@ import pytest
 import yaml
 
 from hfsim.errors import DeckError
+from hfsim.scene import posed
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
@@ -226,3 +227,39 @@ def test_rates_come_on_top_of_where_it_rests():
     coil = "springs.coil={type: two_point, between: [lower.out, slide], stiffness: 100, rest_length: 0.1}"
     found = starting(ARM, f"initial={{equilibrium: true, {rates}}}", coil)
     assert [abs(found[0]), *found[1:4:2], found[5]] == pytest.approx([np.pi / 2, 1.0, 2.0, -0.1], abs=1e-6)
+
+
+CARTS = """hfsim: 1
+bodies:
+  "m{k=1..40}": {type: rigid, mass: 1.0, inertia: 0.01}
+joints:
+  "j{k=1..40}": {type: prismatic, between: [ground, "m{k}"], axis: [1, 0]}
+initial:
+  "j{k=1..40}": {distance: "${k}", distance_rate: "${sin(k)}"}
+solve: {duration: 0.1}
+"""
+
+
+def test_starts_stated_by_joints_are_read_once_not_once_for_each(monkeypatch):
+    """A thousand carts took 18 s to check, 2.5 s where their bodies are stated."""
+    made = []
+    monkeypatch.setattr(posed, "_driver", lambda *args, own=posed._driver: made.append(args) or own(*args))
+    build(parse_deck(CARTS))
+    assert len(made) <= 8 * 40
+
+
+def test_rates_stated_along_a_long_chain_in_space_hold():
+    """Sparse factors left 2e-5 rad/s, which was told as a contradiction."""
+    points = "points: {a: [-0.5, 0, 0], b: [0.5, 0, 0]}"
+    text = f"""hfsim: 1
+bodies:
+  "l{{k=1..90}}": {{type: rigid, mass: 1.0, inertia: [0.01, 0.01, 0.01], {points}}}
+joints:
+  j1: {{type: revolute, between: [ground, l1.a]}}
+  "j{{k=2..90}}": {{type: revolute, between: ["l{{k-1}}.b", "l{{k}}.a"]}}
+initial:
+  "j{{k=1..90}}": {{angle: "${{5*k}} deg", angular_velocity: 0.1}}
+solve: {{duration: 0.1}}
+"""
+    twists = build(parse_deck(text)).assembly.twists
+    assert [twist.spin[2] for twist in twists.values()] == pytest.approx(0.1 * np.arange(1, 91))
