@@ -202,7 +202,7 @@ class Constraint:
     def stiffness(self, x: Array, multipliers: Array) -> Entries:
         """Return the derivative of Phi_x^T lambda by x in one state, multipliers (1, rows).
 
-        By differences.
+        By fine differences: with dampers along it, it is to cancel what rates make of turns.
         """
 
         def force(moved: Array) -> Array:
@@ -211,7 +211,7 @@ class Constraint:
                 out[:, marker.columns] += (multipliers @ J)[:, 0]
             return out
 
-        return difference(force, x, joint_support(*self.ends))
+        return difference(force, x, joint_support(*self.ends), fine=True)
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return the force [N], (n_batch, n_dim), and moment [N m], (n_batch, n_spin), on the second body."""

@@ -163,7 +163,7 @@ def test_constraint_stiffness_is_the_slope_of_its_force(joint, rng):
         except NotImplementedError:
             pytest.skip("scenes with such a body are linearised as a whole")
         stiffness = assemble([entries], (zoo.N, zoo.N))
-        assert stiffness == pytest.approx(slope, abs=1e-5 * max(1.0, np.abs(slope).max()))
+        assert stiffness == pytest.approx(slope, abs=1e-8 * max(1.0, np.abs(slope).max()))
 
 
 def test_constraint_acceleration_along_a_motion(joint, rng):
