@@ -124,12 +124,7 @@ def _of_rates(pencil: Pencil, count: int) -> Eigenpairs:
     sizes = np.sort(np.abs(squares[~free]))
     # without any stiffness gyroscopic terms alone say how fast motions are
     shift = float(np.sqrt(sizes[min(2, len(sizes) - 1)])) if len(sizes) else pencil.whirling
-    values, vectors = _roots(pencil, shift, count)
-    for _ in range(_TRIES):
-        if np.abs(values - shift).min(initial=np.inf) >= _NEAR * shift:
-            break
-        shift *= _ASIDE  # something grows at just that rate
-        values, vectors = _roots(pencil, shift, count)
+    shift, values, vectors = _beside(pencil, shift, count)
     complete: bool | None = True
     if pencil.large and len(values) < 2 * pencil.free:
         again, _ = _roots(pencil, shift, count, seed=2)
@@ -150,6 +145,21 @@ def _of_rates(pencil: Pencil, count: int) -> Eigenpairs:
         np.concatenate([doubled, np.zeros(len(swinging), dtype=bool)]),
         complete,
     )
+
+
+def _beside(pencil: Pencil, shift: float, count: int) -> tuple[float, ComplexArray, ComplexArray]:
+    """Return a shift that is no eigenvalue, and what is found next to it: something may grow at that rate."""
+    for k in range(_TRIES + 1):
+        try:
+            values, vectors = _roots(pencil, shift, count)
+        except np.linalg.LinAlgError:
+            if k == _TRIES:
+                raise
+        else:
+            if k == _TRIES or np.abs(values - shift).min(initial=np.inf) >= _NEAR * shift:
+                break
+        shift *= _ASIDE
+    return shift, values, vectors
 
 
 def _standing(
@@ -192,6 +202,8 @@ def _roots(pencil: Pencil, shift: float, count: int, seed: int = 1) -> tuple[Com
         below = onto + np.hstack([allowed / shift, np.zeros((n, n))])
         theta, both = np.linalg.eig(np.vstack([onto, below]))
         kept = np.argsort(-np.abs(theta))[: 2 * pencil.free]
+        if not theta[kept].all():  # at an eigenvalue the inverse is anything
+            raise np.linalg.LinAlgError("Singular matrix")
         return (shift + 1.0 / theta[kept]).astype(complex), both[:n, kept].astype(complex)
     from scipy.sparse.linalg import LinearOperator
 
