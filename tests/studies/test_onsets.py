@@ -38,3 +38,101 @@ def test_what_grows_at_just_the_size_of_its_stiffness_is_found(rates):
     for rate, modes in zip(rates, found.founds, strict=True):
         grows = [growth_in_a_slot(0.0, rate)] if rate**2 > 500.0 else []
         assert [mode.growth for mode in modes.unstable] == pytest.approx(grows, rel=1e-9)
+
+
+@pytest.mark.parametrize("rates", [[0, 10, 25, 30], [20, 25], [22, 23], [0, 99], [10, 22, 23, 25]], ids=str)
+@pytest.mark.parametrize("damping", [2.0, 20.0, 40.0, 80.0, 200.0])
+@pytest.mark.filterwarnings("error")
+def test_what_goes_away_is_told_whatever_it_was_at_the_first_rate(damping, rates):
+    """What only decays was followed neither from a rate nor through it: onsets were 0.6 to 12 % off."""
+    found = hfsim.campbell(slot(damping), rates)
+    told = {one["rate"]: one["growth_rate"] for one in found.facts()["unstable"]}
+    expected = {rate: growth_in_a_slot(damping, rate) for rate in rates if rate**2 > 500.0}
+    assert told == pytest.approx(expected, rel=1e-8)
+    (onset,) = found.onsets
+    (critical,) = [one for one in found.crossings if one.order == 0]
+    assert onset.rate == critical.rate == pytest.approx(np.sqrt(500.0), rel=1e-4)
+    assert onset.frequency == critical.frequency == 0.0 and onset.above
+
+
+@pytest.mark.parametrize("damping", [0.0, 20.0])
+def test_excitations_meet_the_frequency_that_damping_leaves(damping):
+    """With n excitations a revolution at W, 500 - (c / 4)^2 - W^2 = (n W)^2; one is at a rate asked for."""
+    found = hfsim.campbell(slot(damping), [5, 10, 20, 25])
+    told = {one.order: one.rate for one in found.crossings if one.order}
+    expected = {n: np.sqrt((500.0 - damping**2 / 16.0) / (1.0 + n**2)) for n in (1, 2, 3)}
+    assert told == pytest.approx(expected, rel=1e-6)
+
+
+DISC = """hfsim: 1
+bodies:
+  hub: {{type: rigid, mass: 1.0, inertia: 1.0}}
+  disc: {{type: rigid, mass: 2.0, inertia: 0.1}}
+joints:
+  axle: {{type: revolute, between: [ground, hub]}}
+  sx: {{type: servo, between: [hub, disc], position: 0, axis: [1, 0], stiffness: 1000, damping: {inner}}}
+  sy: {{type: servo, between: [hub, disc], position: 0, axis: [0, 1], stiffness: {across}, damping: {inner}}}
+  ex: {{type: servo, between: [ground, disc], position: 0, axis: [1, 0], stiffness: 1.0e-9, damping: {outer}}}
+  ey: {{type: servo, between: [ground, disc], position: 0, axis: [0, 1], stiffness: 1.0e-9, damping: {outer}}}
+springs: {{t: {{type: rotational, between: [hub, disc], stiffness: 5000.0}}}}
+initial: {{hub: {{angular_velocity: 10.0}}, disc: {{angular_velocity: 10.0}}}}
+solve: {{duration: 1.0}}
+"""
+
+
+def disc(inner, outer, across=1000.0):
+    """Return a disc of 2 kg on springs and dampers that turn, and on dampers at rest."""
+    lines = DISC.format(inner=inner, outer=outer, across=across).splitlines()
+    return parse_deck("\n".join(one for one in lines if outer or not one.startswith("  e")))
+
+
+def growth_of_a_disc(inner, outer, rate, across=1000.0):
+    """Return the growth rates of its shifts, seen from axes that turn, each twice where it swings [1/s]."""
+    turn = np.array([[0.0, -rate], [rate, 0.0]])
+    velocity = (inner + outer) / 2.0 * np.eye(2) + 2.0 * turn
+    stiffness = np.diag([500.0, across / 2.0]) + turn @ turn + outer / 2.0 * turn
+    values = np.linalg.eigvals(np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, -velocity]]))
+    return values[values.real > 1e-9]
+
+
+@pytest.mark.parametrize("count", [2, 6])
+@pytest.mark.parametrize("rates", [[0, 20, 33.5, 33.6, 60, 100], [20, 33.5, 60], [100, 0], [-60, 0]], ids=str)
+@pytest.mark.filterwarnings("error")
+def test_rotors_that_only_decay_at_rest_are_followed(count, rates):
+    """Beyond sqrt(k / m) (1 + d / c), of 33.541 rad/s, the damping inside makes it unstable."""
+    found = hfsim.campbell(disc(200.0, 100.0), rates, count=count)
+    told = {one["rate"]: one["growth_rate"] for one in found.facts()["unstable"]}
+    expected = {rate: growth_of_a_disc(200.0, 100.0, rate)[0].real for rate in rates if abs(rate) > 33.55}
+    assert told == pytest.approx(expected, rel=1e-6)
+    (onset,) = found.onsets
+    assert abs(onset.rate) == pytest.approx(np.sqrt(500.0) * 1.5, rel=1e-5)
+
+
+@pytest.mark.parametrize(("inner", "outer"), [(0.0, 0.5), (2.0, 3.0), (1.0, 5.0)])
+@pytest.mark.parametrize("rates", [[0, 10, 25, 40], [24, 26.5, 40], [20, 25]], ids=str)
+def test_discs_on_unlike_springs_go_away_between_two_rates(inner, outer, rates):
+    """There (k1 - m W^2) (k2 - m W^2) + (d W)^2 = 0."""
+    found = hfsim.campbell(disc(inner, outer, 1500.0), rates, count=4)
+    squares = np.roots([4.0, outer**2 - 2.0 * 2500.0, 1.5e6])
+    expected = sorted(rate for rate in np.sqrt(squares.real) if rates[0] < rate < rates[-1])
+    assert [one.rate for one in found.onsets] == pytest.approx(expected, rel=1e-4)
+    assert [one.frequency for one in found.onsets] == [0.0] * len(expected)
+    assert [one.rate for one in found.crossings if one.order == 0] == pytest.approx(expected, rel=1e-4)
+    for rate in rates:
+        grows = growth_of_a_disc(inner, outer, rate, 1500.0).real
+        told = [one["growth_rate"] for one in found.facts()["unstable"] if one["rate"] == rate]
+        assert told == pytest.approx(grows, rel=1e-6)
+
+
+@pytest.mark.parametrize("inner", [2.0, 100.0])
+@pytest.mark.parametrize(
+    "rates", [[0, 30], [0, np.sqrt(500.0), 30], [20, np.sqrt(500.0)], [22, 23], [-40, -10, 10, 30]], ids=str
+)
+def test_critical_rates_are_told_where_growth_begins_as_well(inner, rates):
+    """Without damping from outside both are at sqrt(k / m); a rate asked for may be just that."""
+    found = hfsim.campbell(disc(inner, 0.0), rates, count=6)
+    expected = [one for one in (-np.sqrt(500.0), np.sqrt(500.0)) if rates[0] < one <= rates[-1]]
+    critical = sorted({one.rate for one in found.crossings if one.order == 0})
+    assert critical == pytest.approx(expected, rel=1e-5)
+    begins = [one for one in expected if one < rates[-1]]
+    assert [one.rate for one in found.onsets] == pytest.approx(begins, rel=1e-3)

@@ -14,13 +14,13 @@ from hfsim.errors import ArgumentError
 from hfsim.marching.stop import Progress, nobody
 from hfsim.maths.arrays import Array
 from hfsim.studies.modes.about import About, ModesError, turning_about
-from hfsim.studies.modes.following import SPARE, at_rate, followed, mode_between
-from hfsim.studies.modes.found import Mode, Modes, check_count, modes_of
+from hfsim.studies.modes.following import Steady, followed, mode_between
+from hfsim.studies.modes.found import Mode, Modes, check_count
 from hfsim.studies.modes.growth import Onset, onsets
 
 ORDERS = (1, 2, 3)
 """Excitations per revolution whose lines are drawn."""
-_CLOSE, _TRIES = 1e-6, 6
+_CLOSE, _TRIES = 1e-6, 12
 """Relative width to which crossings are located; rates tried for one at most."""
 _AT = 1e-2
 """Difference of a frequency from its excitation, relative to the rate, up to which they meet there."""
@@ -66,7 +66,8 @@ class Campbell:
     rates : ndarray, shape (n,)
         [rad/s].
     tracks : tuple of tuple of Mode or None
-        Each mode at all rates, followed by its shape; None where it was lost, and at `unsteady` rates.
+        Each mode at all rates, followed by its shape, and what else grows at any; None where it is not known,
+        and at `unsteady` rates.
     senses : tuple of tuple of int
         Minus one from where it goes round the other way, its frequency having gone through zero.
     crossings : tuple of Crossing
@@ -165,25 +166,41 @@ def campbell(
     if not len(rates) or not np.isfinite(rates).all():
         raise ArgumentError(f"rates are {list(rates)}: one at least has to be wanted, and all are numbers")
     walk, founds, wanted = list[float](), list[Modes](), _walk(rates)
-    start = state = turning_about(start)
+    start = turning_about(start)
+    steady = Steady(start, count)
     for k, rate in enumerate(wanted):
         try:
-            state = at_rate(state, start, rate)
+            found = steady.at(rate, founds[-1].about if founds else start)
         except ModesError:
             if rate in rates:
                 raise
             continue
         walk.append(rate)
-        founds.append(modes_of(state, count + SPARE))
+        founds.append(found)
         progress((k + 1) / len(wanted))
-    tracks, senses = followed(founds, count)
-    steady = [found.steady for found in founds]
-    tracks = tuple(
-        tuple(mode if told else None for mode, told in zip(track, steady, strict=True)) for track in tracks
-    )
-    every = Campbell(tuple(founds), np.array(walk, dtype=float), tracks, senses, ())
-    crossed, grown = _crossings(every, start), onsets(every.rates, tracks, start)
+    every = _told(Campbell(tuple(founds), np.array(walk, dtype=float), *followed(founds, count), ()), rates)
+    grown = onsets(every.rates, founds, every.tracks, steady)
+    critical = [Crossing(one.track, 0, one.rate, 0.0) for one in grown if one.critical]
+    crossed = sorted([*_crossings(every, steady), *critical], key=lambda one: one.rate)
     return replace(every.at(rates), crossings=tuple(crossed), onsets=tuple(grown))
+
+
+def _told(every: Campbell, rates: Sequence[float]) -> Campbell:
+    """Return the same without modes at rates that are not steady, and without those that only decay.
+
+    What decays at first comes after what swings.
+    """
+    at = [found.steady for found in every.founds]
+    tracks = [
+        tuple(mode if steady else None for mode, steady in zip(track, at, strict=True))
+        for track in every.tracks
+    ]
+    seen = replace(every, tracks=tuple(tracks)).at(rates).tracks
+    kept = [k for k, track in enumerate(seen) if any(mode and mode.kind != "decay" for mode in track)]
+    swings = [bool((first := track[0]) and first.kind != "decay") for track in tracks]
+    kept.sort(key=lambda k: not swings[k])
+    chosen, senses = tuple(tracks[k] for k in kept), tuple(every.senses[k] for k in kept)
+    return replace(every, tracks=chosen, senses=senses)
 
 
 def _walk(rates: Sequence[float]) -> list[float]:
@@ -203,9 +220,7 @@ def _beyond(mode: Mode, order: int, rate: float, sense: int = 0) -> float:
 
     Where the mode goes round the other way after it, the frequency in its first sense.
     """
-    if sense:
-        return sense * mode.value.imag
-    return float(-(mode.value**2).real - (order * rate) ** 2)
+    return sense * mode.value.imag if sense else float(mode.value.imag**2 - (order * rate) ** 2)
 
 
 def _powered(rate: float, power: float) -> float:
@@ -213,40 +228,49 @@ def _powered(rate: float, power: float) -> float:
     return math.copysign(abs(rate) ** power, rate)
 
 
-def _crossings(every: Campbell, start: About) -> list[Crossing]:
+def _crossings(every: Campbell, steady: Steady) -> list[Crossing]:
+    """Return where modes are excited or go round the other way; where one goes away is not among them."""
     found: list[Crossing] = []
-    for number, track in enumerate(every.tracks, 1):
-        for k, order in product(range(len(every.rates) - 1), (0, *ORDERS)):
-            pair = track[k], track[k + 1]
-            if any(mode is None or mode.free for mode in pair) or len(found) >= _MOST_CROSSINGS:
-                continue
-            located = _located(every, start, number, order, k)
-            if located is not None:
-                found.append(located)
-    return sorted(found, key=lambda one: one.rate)
+    numbers = range(1, len(every.tracks) + 1)
+    for number, k, order in product(numbers, range(len(every.rates)), (0, *ORDERS)):
+        if len(found) >= _MOST_CROSSINGS:
+            break
+        located = _met(every, number, order, k) or _located(every, steady, number, order, k)
+        found += [] if located is None else [located]
+    return found
 
 
-def _located(every: Campbell, start: About, number: int, order: int, k: int) -> Crossing | None:
+def _met(every: Campbell, number: int, order: int, k: int) -> Crossing | None:
+    """Return a crossing at just one of the rates."""
+    track, rate = every.tracks[number - 1], float(every.rates[k])
+    mode, beside = track[k], [one for one in (*track[max(0, k - 1) : k], *track[k + 1 : k + 2]) if one]
+    if mode is None or not rate:
+        return None
+    lost = mode.free and beside and not any(one.free for one in beside)
+    met = not mode.free and not _beyond(mode, order, rate) if order else lost
+    return Crossing(number, order, rate, mode.frequency) if met else None
+
+
+def _located(every: Campbell, steady: Steady, number: int, order: int, k: int) -> Crossing | None:
     """Return where a mode crosses between two rates, by false position; None where it does not."""
-    track, senses = every.tracks[number - 1], every.senses[number - 1][k : k + 2]
-    turns = order == 0 and senses[0] != senses[1]
+    track, senses = every.tracks[number - 1], every.senses[number - 1]
     ends = [
-        (float(every.rates[j]), mode, every.founds[j].about, senses[j - k] if turns else 0)
-        for j in (k, k + 1)
-        if (mode := track[j]) is not None
+        (float(every.rates[j]), mode, 0 if order else senses[j])
+        for j in range(k, min(k + 2, len(track)))
+        if (mode := track[j]) is not None and not mode.free
     ]
-    values = [_beyond(mode, order, rate, sense) for rate, mode, _, sense in ends]
+    values = [_beyond(mode, order, rate, sense) for rate, mode, sense in ends]
     if len(ends) < 2 or not values[0] * values[1] < 0.0:
         return None
-    power, rate, kept, frequency = 1 if turns else 2, ends[0][0], -1, 0.0
+    slow = _CLOSE * max(abs(rate) for rate, _, _ in ends)
+    power, rate, kept, frequency = 2 if order else 1, ends[0][0], -1, 0.0
     for _ in range(_TRIES):
-        (low, first, near, own), (high, last, _, _) = ends
+        (low, first, own), (high, last, _) = ends
         a, b = values
         between = (_powered(low, power) * b - _powered(high, power) * a) / (b - a)
         before, rate = rate, _powered(between, 1.0 / power)
-        most = max(abs(mode.value) for _, mode, _, _ in ends) if turns else np.inf
-        state = at_rate(near, start, rate)
-        found = mode_between(state, rate, ((low, first), (high, last)), len(every.tracks), most)
+        most = np.inf if order else max(abs(first.value), abs(last.value))
+        found = mode_between(steady.at(rate, first.about), rate, ((low, first), (high, last)), most)
         if found is None:
             break
         mode, sense = found[0], own * (-1 if found[1] else 1)
@@ -254,9 +278,10 @@ def _located(every: Campbell, start: About, number: int, order: int, k: int) -> 
         if abs(rate - before) <= _CLOSE * abs(rate) or not here or not mode.value:
             break
         which = 0 if here * a > 0.0 else 1
-        ends[which], values[which] = (rate, mode, state, sense), here
+        ends[which], values[which] = (rate, mode, sense), here
         # an end that stays counts for half, or it would stay for ever
         values[1 - which] *= 0.5 if which == kept else 1.0
         kept = which
-    at_all = abs(2.0 * np.pi * frequency - order * abs(rate)) <= _AT * abs(rate)
+    # what only decays at rest goes round with the axes: no frequency is lost there
+    at_all = slow < abs(rate) and abs(2.0 * np.pi * frequency - order * abs(rate)) <= _AT * abs(rate)
     return Crossing(number, order, rate, frequency) if at_all else None

@@ -1,21 +1,29 @@
-"""Where modes of a scene that turns begin to grow, between two rates."""
+"""Where modes of a scene that turns begin to grow, between two rates.
+
+What grows has a number of dimensions, two for what swings and one for what goes away.  That changes only
+where an eigenvalue comes to the imaginary axis: nothing need be followed to find where, and modes that only
+decay, of which two have one shape, cannot be.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import Any, TypeAlias
 
+import numpy as np
+
 from hfsim.maths.arrays import Array
-from hfsim.studies.modes.about import About, ModesError
-from hfsim.studies.modes.following import at_rate, mode_between
-from hfsim.studies.modes.found import Mode
+from hfsim.studies.modes.about import ModesError
+from hfsim.studies.modes.following import ALIKE, Steady, assigned, how_unlike
+from hfsim.studies.modes.found import Mode, Modes
 
 _CLOSE, _TRIES = 1e-3, 16
-"""Relative width within which growth begins; rates tried at most."""
+"""Relative width within which growth begins; how often rates are halved at most."""
 _MOST = 24
-_End: TypeAlias = tuple[float, Mode]
+_End: TypeAlias = tuple[float, Modes]
 
 
 @dataclass(frozen=True)
@@ -32,12 +40,15 @@ class Onset:
         [Hz].
     above : bool
         Whether it grows above the rate, not below it.
+    critical : bool
+        Whether its stiffness is lost there: what was held goes away.
     """
 
     track: int
     rate: float
     frequency: float
     above: bool
+    critical: bool = False
 
     def facts(self) -> dict[str, Any]:
         """Return its numbers."""
@@ -45,40 +56,113 @@ class Onset:
         return {"mode": self.track, "rate": self.rate, "frequency": self.frequency, "grows": where}
 
 
-def onsets(rates: Array, tracks: Sequence[Sequence[Mode | None]], start: About) -> list[Onset]:
+def onsets(
+    rates: Array, founds: Sequence[Modes], tracks: Sequence[Sequence[Mode | None]], steady: Steady
+) -> list[Onset]:
     """Return where modes, each at all rates, begin to grow between two rates, or cease to."""
     found = list[Onset]()
-    for number, track in enumerate(tracks, 1):
-        for k, (first, last) in enumerate(pairwise(track)):
-            if first is None or last is None or first.unstable == last.unstable or len(found) == _MOST:
-                continue
-            ends = (float(rates[k]), first), (float(rates[k + 1]), last)
-            low, high = sorted(ends, key=lambda end: end[0])
-            found.append(_interpolated(number, *_closer(low, high, start, len(tracks))))
+    for k, (first, last) in enumerate(pairwise(founds)):
+        if not (first.steady and last.steady) or len(found) >= _MOST:
+            continue
+        ends = sorted(((float(rates[k]), first), (float(rates[k + 1]), last)), key=lambda end: end[0])
+        here = [(a, b) if ends[0][1] is first else (b, a) for a, b in (track[k : k + 2] for track in tracks)]
+        found += _told(ends[0], ends[1], here, steady)
     return sorted(found, key=lambda one: one.rate)
 
 
-def _closer(low: _End, high: _End, start: About, count: int) -> tuple[_End, _End]:
-    """Return rates next to where growth begins or ceases, by halves: it may set in steeply."""
-    for _ in range(_TRIES):  # towards none they would never be close
-        rate = 0.5 * (low[0] + high[0])
-        if high[0] - low[0] <= _CLOSE * abs(rate):
-            break
-        try:
-            state = at_rate(low[1].about, start, rate)
-        except ModesError:
-            break
-        found = mode_between(state, rate, (low, high), count)
-        if found is None:
-            break
-        here = rate, found[0]
-        low, high = (here, high) if found[0].unstable == low[1].unstable else (low, here)
-    return low, high
+def _told(
+    low: _End, high: _End, tracks: Sequence[tuple[Mode | None, Mode | None]], steady: Steady
+) -> Iterator[Onset]:
+    """Yield the onsets between two rates, at which all modes are known by their numbers."""
+    taken = {True: set[int](), False: set[int]()}
+    for below, beyond in islice(_changes(low, high, steady, _TRIES), _MOST):
+        for mode, partner, above in _of_change(below[1], beyond[1]):
+            number = _number(mode, [pair[above] for pair in tracks], taken[above])
+            if number:
+                taken[above].add(number)
+                held = tracks[number - 1][not above] or partner
+                ends = (below, beyond) if above else (beyond, below)
+                yield _onset(number, ends, mode, partner or mode, not (held and held.free), above)
 
 
-def _interpolated(number: int, low: _End, high: _End) -> Onset:
-    a, b = low[1].growth, high[1].growth
-    share = a / (a - b) if a * b < 0.0 else 0.5
-    ends = zip((low[0], low[1].frequency), (high[0], high[1].frequency), strict=True)
-    rate, frequency = (x + share * (y - x) for x, y in ends)
-    return Onset(number, rate, frequency, high[1].unstable)
+def _onset(
+    number: int, ends: tuple[_End, _End], mode: Mode, before: Mode, was_held: bool, above: bool
+) -> Onset:
+    share, away = _share(before, mode, ends[1][1]), mode.kind == "divergence"
+    rate, frequency = (
+        a + share * (b - a) for a, b in ((ends[0][0], ends[1][0]), (before.frequency, mode.frequency))
+    )
+    return Onset(number, rate, 0.0 if away else frequency, above, away and was_held)
+
+
+def _changes(low: _End, high: _End, steady: Steady, tries: int) -> Iterator[tuple[_End, _End]]:
+    """Yield rates next to where growth begins or ceases, by halves: it may set in steeply."""
+    if not _changed(low[1], high[1]):
+        return
+    rate, mid = 0.5 * (low[0] + high[0]), None
+    if tries and high[0] - low[0] > _CLOSE * abs(rate):  # towards none they would never be close
+        with suppress(ModesError):
+            mid = rate, steady.at(rate, low[1].about)
+    if mid is None:
+        yield low, high
+    else:
+        yield from _changes(low, mid, steady, tries - 1)
+        yield from _changes(mid, high, steady, tries - 1)
+
+
+def _changed(low: Modes, high: Modes) -> bool:
+    """Tell whether something begins to grow between two rates, or ceases to."""
+    sizes = [sum(2 if mode.value.imag else 1 for mode in found.unstable) for found in (low, high)]
+    return sizes[0] != sizes[1] or all(_new(*both) for both in ((low, high), (high, low)))
+
+
+def _new(before: Modes, after: Modes) -> list[Mode]:
+    """Return what grows at a rate and not at another."""
+    growing, known = after.unstable, before.unstable
+    if not growing or not known:
+        return list(growing)
+    unlike = how_unlike(after, known, growing)[0]
+    same = {j for k, j in assigned(unlike).items() if unlike[k, j] < 1.0 - ALIKE}
+    return [mode for j, mode in enumerate(growing) if j not in same]
+
+
+def _of_change(low: Modes, high: Modes) -> Iterator[tuple[Mode, Mode | None, bool]]:
+    """Yield what grows on one side only, what it is on the other, None if not known, and whether above."""
+    for above, before, after in ((True, low, high), (False, high, low)):
+        for mode in _new(before, after):
+            others = [one for one in before.modes if not one.unstable]
+            unlike = how_unlike(after, [mode], others)[0][0] if others else np.zeros(0)
+            alike = [one for one, by in zip(others, unlike, strict=True) if by < 1.0 - ALIKE]
+            partner = min(alike, key=lambda one: abs(one.value - mode.value), default=None)
+            # where not all motions are looked at, it may have come from beyond those
+            if partner is not None or before.whole:
+                yield mode, partner, above
+
+
+def _number(mode: Mode, ends: Sequence[Mode | None], taken: set[int]) -> int:
+    """Return the number of the mode that a growing one is at the next rate, or 0."""
+    free = [(k, end) for k, end in enumerate(ends, 1) if end is not None and k not in taken]
+    if not free:
+        return 0
+    unlike = how_unlike(Modes(mode.about, (), None, False), [mode], [end for _, end in free])[0][0]
+    by = [float(one) + (not end.unstable) for one, (_, end) in zip(unlike, free, strict=True)]
+    return free[int(np.argmin(by))][0]
+
+
+def _share(before: Mode, mode: Mode, after: Modes) -> float:
+    """Return how far between two rates something begins to grow, over their distance."""
+    if not before.value:
+        return 0.0
+    a, b = before.growth, mode.growth
+    if before.value.imag and not mode.value.imag:
+        # what is smooth there is the stiffness: the product of both eigenvalues of one shape
+        a, b = -abs(before.value) ** 2, b * _return(mode, after)
+    return a / (a - b) if a * b < 0.0 else 0.5
+
+
+def _return(mode: Mode, found: Modes) -> float:
+    """Return how fast the other motion of the same shape decays, where one goes away."""
+    others = [one for one in found.modes if one.kind == "decay"]
+    if not others:
+        return mode.growth
+    return -others[int(np.argmin(how_unlike(found, [mode], others)[0][0]))].growth
