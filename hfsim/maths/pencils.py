@@ -174,10 +174,7 @@ class Pencil:
                 raise np.linalg.LinAlgError(str(error)) from None
             return lambda given: np.asarray(factor.solve(given.astype(whole.dtype)))
         whole = np.block([[matrix, size * J.T], [size * J, np.zeros((len(J), len(J)))]])
-        scaled, scale = _equilibrated(whole)
-
-        def solved(given: Array) -> Array:
-            return np.asarray((np.linalg.solve(scaled, (given.T * scale).T).T * scale).T)
+        solved = _equilibrated(whole)
 
         def refined(given: Array) -> Array:
             found = solved(given)
@@ -186,17 +183,57 @@ class Pencil:
         return refined
 
 
-def _equilibrated(matrix: Array) -> tuple[Array, Array]:
-    """Return a matrix with entries of size one in all rows and columns, and the scales (n,) that make it so.
+def _equilibrated(matrix: Array) -> Solve:
+    """Return the solutions with a matrix whose entries are made of size one in all rows and columns.
 
-    There are many such scales: those that begin with none hang on units, and those that make the diagonal
-    one on what cancels there. That which is farther from singular is taken.
+    There are many scales that do so: those that begin with none hang on units, and those that make the
+    diagonal one on what cancels there. Those are taken with which it is farther from singular.
     """
     starts = np.ones(len(matrix)), np.abs(matrix.diagonal())
     scales = [_equilibrating(matrix, start) for start in starts]
-    both = [matrix * np.outer(scale, scale) for scale in scales]
-    k = int(np.argmin([np.linalg.cond(one, 1) for one in both]))
-    return both[k], scales[k]
+    both = [_Factored.of(matrix * np.outer(scale, scale)) for scale in scales]
+    k = int(np.argmax([one.distance for one in both]))
+    return lambda given: np.asarray((both[k].solve((given.T * scales[k]).T).T * scales[k]).T)
+
+
+@frozen
+class _Factored:
+    """A square matrix as a product of triangles.
+
+    Attributes
+    ----------
+    distance : float
+        From a singular matrix, over its size: one over its condition, which is estimated.
+    """
+
+    triangles: Array
+    order: Array
+    distance: float
+
+    @classmethod
+    def of(cls, matrix: Array) -> _Factored:
+        from scipy.linalg.lapack import get_lapack_funcs
+
+        factor, estimate = get_lapack_funcs(("getrf", "gecon"), (matrix,))
+        triangles, order, singular = factor(matrix)
+        size = float(np.abs(matrix).sum(axis=0).max(initial=0.0))
+        distance = 0.0 if singular or not np.isfinite(size) else float(estimate(triangles, size)[0])
+        return cls(triangles, order, distance)
+
+    def solve(self, given: Array) -> Array:
+        """Return the solutions for columns, or for one.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If the matrix is singular.
+        """
+        from scipy.linalg.lapack import get_lapack_funcs
+
+        if not np.abs(self.triangles.diagonal()).min(initial=np.inf) > 0.0:
+            raise np.linalg.LinAlgError("Singular matrix")
+        (solve,) = get_lapack_funcs(("getrs",), (self.triangles, given))
+        return np.asarray(solve(self.triangles, self.order, given)[0])
 
 
 def _equilibrating(matrix: Array, diagonal: Array) -> Array:

@@ -839,6 +839,25 @@ def test_equal_blades_are_one_curve_of_the_campbell_diagram():
     assert _together(hfsim.campbell(light, [2.0, 4.0], count=4)) == [[1], [2], [3], [4]]
 
 
+def test_equal_blades_are_located_once(monkeypatch):
+    """Each was located by itself, to the same number, which took twice as long."""
+    from hfsim.maths import eigenpairs
+
+    solved, own = [], eigenpairs.squares_of
+    monkeypatch.setattr(
+        eigenpairs, "squares_of", lambda pencil, count: solved.append(count) or own(pencil, count)
+    )
+    counts = []
+    for length in ("1.0", "1.0001"):
+        deck = BLADES.replace("1.0, elements: 2}\njoints", f"{length}, elements: 2}}\njoints")
+        found = hfsim.campbell(parse_deck(deck), [2.0, 60.0], count=2)
+        first, second = ([one.rate for one in found.crossings if one.track == k] for k in (1, 2))
+        assert len(first) == 3 and first == pytest.approx(second, rel=1e-3)
+        counts.append(len(solved))
+    assert counts[0] < 0.4 * counts[1]  # of both
+
+
+
 BOB = """hfsim: 1
 gravity: [0, 0]
 ground: {points: {p: [0.003, 0.004]}}

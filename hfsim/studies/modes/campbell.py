@@ -6,13 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from hfsim.errors import ArgumentError
 from hfsim.marching.stop import Progress, nobody
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.studies.modes.about import About, ModesError, turning_about
 from hfsim.studies.modes.following import Steady, followed, mode_between
 from hfsim.studies.modes.found import Mode, Modes, check_count
@@ -25,8 +25,12 @@ _CLOSE, _TRIES = 1e-6, 12
 _AT = 1e-2
 """Difference of a frequency from its excitation, relative to the rate, up to which they meet there."""
 _MOST_CROSSINGS = 24
+_ONE = 1e-8
+"""Difference of eigenvalues, relative, that is rounding."""
 _PARTED = 1e-3
 """Of the next rate: where frequencies that are equal at rest have parted."""
+
+_End: TypeAlias = tuple[float, Mode, int]
 
 
 @dataclass(frozen=True)
@@ -231,13 +235,34 @@ def _powered(rate: float, power: float) -> float:
 def _crossings(every: Campbell, steady: Steady) -> list[Crossing]:
     """Return where modes are excited or go round the other way; where one goes away is not among them."""
     found: list[Crossing] = []
+    twins: dict[tuple[int, int], list[tuple[ComplexArray, Crossing | None]]] = {}
     numbers = range(1, len(every.tracks) + 1)
     for number, k, order in product(numbers, range(len(every.rates)), (0, *ORDERS)):
         if len(found) >= _MOST_CROSSINGS:
             break
-        located = _met(every, number, order, k) or _located(every, steady, number, order, k)
-        found += [] if located is None else [located]
+        located = _met(every, number, order, k)
+        ends = () if located else _ends(every, number, order, k)
+        if ends:
+            # modes that are one at both ends, as of equal blades, are located once
+            values = np.array([mode.value for _, mode, _ in ends])
+            alike = twins.setdefault((k, order), [])
+            known = [one for other, one in alike if np.allclose(values, other, rtol=_ONE, atol=0.0)]
+            located = known[0] if known else _located(ends, number, order, steady)
+            alike.append((values, located))
+        found += [] if located is None else [replace(located, track=number)]
     return found
+
+
+def _ends(every: Campbell, number: int, order: int, k: int) -> tuple[_End, ...]:
+    """Return a mode at two rates between which it crosses, with its senses; nothing where it does not."""
+    track, senses = every.tracks[number - 1], every.senses[number - 1]
+    ends = tuple(
+        (float(every.rates[j]), mode, 0 if order else senses[j])
+        for j in range(k, min(k + 2, len(track)))
+        if (mode := track[j]) is not None and not mode.free
+    )
+    values = [_beyond(mode, order, rate, sense) for rate, mode, sense in ends]
+    return ends if len(ends) == 2 and values[0] * values[1] < 0.0 else ()
 
 
 def _met(every: Campbell, number: int, order: int, k: int) -> Crossing | None:
@@ -251,24 +276,17 @@ def _met(every: Campbell, number: int, order: int, k: int) -> Crossing | None:
     return Crossing(number, order, rate, mode.frequency) if met else None
 
 
-def _located(every: Campbell, steady: Steady, number: int, order: int, k: int) -> Crossing | None:
+def _located(between: Sequence[_End], number: int, order: int, steady: Steady) -> Crossing | None:
     """Return where a mode crosses between two rates, by false position; None where it does not."""
-    track, senses = every.tracks[number - 1], every.senses[number - 1]
-    ends = [
-        (float(every.rates[j]), mode, 0 if order else senses[j])
-        for j in range(k, min(k + 2, len(track)))
-        if (mode := track[j]) is not None and not mode.free
-    ]
+    ends = list(between)
     values = [_beyond(mode, order, rate, sense) for rate, mode, sense in ends]
-    if len(ends) < 2 or not values[0] * values[1] < 0.0:
-        return None
     slow = _CLOSE * max(abs(rate) for rate, _, _ in ends)
     power, rate, kept, frequency = 2 if order else 1, ends[0][0], -1, 0.0
     for _ in range(_TRIES):
         (low, first, own), (high, last, _) = ends
         a, b = values
-        between = (_powered(low, power) * b - _powered(high, power) * a) / (b - a)
-        before, rate = rate, _powered(between, 1.0 / power)
+        middle = (_powered(low, power) * b - _powered(high, power) * a) / (b - a)
+        before, rate = rate, _powered(middle, 1.0 / power)
         most = np.inf if order else max(abs(first.value), abs(last.value))
         found = mode_between(steady.at(rate, first.about), rate, ((low, first), (high, last)), most)
         if found is None:
