@@ -11,6 +11,7 @@ from hfsim.output.text import Column, plural, table, wrapped
 
 if TYPE_CHECKING:
     from hfsim.studies.modes import Campbell, Mode, Modes
+    from hfsim.studies.modes.sticking import Sticking
 
 MODE_COLUMNS = (
     *("mode", "frequency", "damping_ratio", "kind", "natural_frequency", "growth_rate", "uncertainty"),
@@ -84,6 +85,18 @@ def state_warnings(found: Modes) -> Iterator[str]:
             "no steady rotation: what acts or holds, such as weight across the axis or a bearing that is not "
             "alike all around, is other after a part of a turn; modes are those at this angle"
         )
+    yield from _of_friction(found.sticking)
+
+
+def _of_friction(sticking: Sequence[Sticking]) -> Iterator[str]:
+    """Yield what friction near rest makes of modes."""
+    for one in sticking[:_MOST_TOLD]:
+        yield (
+            f"{one.place} sticks in this state and counts as a damper of {one.damping:.4g} {one.unit}, its "
+            f"level over its velocity: --set {one.place}=null has the modes without it"
+        )
+    if len(sticking) > _MOST_TOLD:
+        yield f"so does {plural(len(sticking) - _MOST_TOLD, 'more friction')}"
 
 
 def _verdict(found: Modes) -> Iterator[str]:
@@ -124,6 +137,8 @@ def campbell_text(result: Campbell, place: str) -> str:
         told = f"no steady rotation at {_rates(result.unsteady)} rad/s: neither frequencies nor crossings"
         lines.append(wrapped(told))
     lines.append(table(names, rows))
+    stuck = {one.place: one for found in result.founds for one in found.sticking}
+    lines += [wrapped(one) for one in _of_friction(list(stuck.values()))]
     facts = result.facts()
     for one in facts["crossings"]:
         often = "once" if one["order"] == 1 else f"{one['order']} times"

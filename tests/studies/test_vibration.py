@@ -1043,3 +1043,30 @@ solve: {duration: 1.0}
 def test_axes_do_not_turn_with_what_friction_has_stopped_but_for_errors(at, turns):
     """Slower than 0.01 rad/s it fades with 1000 1/s: after 0.2 s errors of steps are left."""
     assert (about(parse_deck(BRAKED), at=at).turning is not None) == turns
+
+
+STUCK = """hfsim: 1
+bodies:
+  arm: {type: rigid, mass: 5, inertia: 2.0}
+  slide: {type: rigid, mass: 1, inertia: 1.0}
+joints:
+  q: {type: revolute, between: [ground, arm], friction: {torque: 5, velocity: 0.001}}
+  s: {type: servo, between: [ground, arm], angle: 0.0, stiffness: 2000, damping: 20}
+  p: {type: prismatic, between: [ground, slide], axis: [1, 0], friction: {force: 1.0e-3, velocity: 1.0}}
+springs: {k: {type: two_point, between: [ground.far, slide], stiffness: 100, rest_length: 1.0}}
+ground: {points: {far: [-1, 0]}}
+initial: {arm: {angular_velocity: RATE}}
+solve: {duration: 1}
+"""
+
+
+@pytest.mark.parametrize(("rate", "sticks"), [(0.0, True), (0.1, False)])
+def test_friction_that_sticks_is_warned_of(rate, sticks):
+    """Its level over its velocity is a damper, of 2500 1/s here; one that is small is not worth a word."""
+    found = hfsim.modes(parse_deck(STUCK.replace("RATE", str(rate))), count=4)
+    expected = {"joints.q.friction": pytest.approx(5000.0)} if sticks else {}
+    assert found.facts()["sticking"] == expected
+    told = [one for one in state_warnings(found) if "sticks" in one]
+    assert len(told) == sticks and all("damper of 5000 N m s/rad" in one for one in told)
+    if sticks:
+        assert min(mode.growth for mode in found) == pytest.approx(np.roots([2.0, 5020.0, 2000.0]).min())

@@ -15,6 +15,7 @@ from hfsim.maths.eigenpairs import Eigenpairs, eigenpairs
 from hfsim.mechanics.turning import Turning
 from hfsim.studies.modes.about import EVEN, About, ModesError
 from hfsim.studies.modes.evenness import stays_even
+from hfsim.studies.modes.sticking import Sticking, sticking
 
 KINDS = {
     "vibration": "swings about the state",
@@ -208,6 +209,11 @@ class Modes:
         told = np.array([[abs(mode.value), mode.uncertainty] for mode in self.modes]).reshape(-1, 2)
         return not stays_even(self.about, np.array([mode.change for mode in self.modes]), *told.T)
 
+    @cached_property
+    def sticking(self) -> list[Sticking]:
+        """Friction that sticks in the state and damps some of them."""
+        return sticking(self.about, [(mode.value, mode.change) for mode in self.modes])
+
     @property
     def steady(self) -> bool:
         """Whether they are those of a state that lasts, at every angle of its turn."""
@@ -227,6 +233,7 @@ class Modes:
             "complete": self.complete,
             "all_looked_at": self.whole,
             "unstable": [mode.number for mode in self.unstable],
+            "sticking": {one.place: one.damping for one in self.sticking},
             "modes": [mode.facts() for mode in self.modes],
         }
 
