@@ -443,6 +443,35 @@ def test_a_scene_without_loads_does_not_snap_beyond_a_share_of_them(rest):
     assert np.rad2deg(run.final["hinge.angle"]) == pytest.approx(rest, abs=1e-6)
 
 
+COILED = """
+hfsim: 1
+gravity: [0, 0]
+materials: {m: {density: 1000.0, youngs_modulus: 2.0e11}}
+sections: {s: {shape: rectangle, width: 0.03, height: 0.03}}
+bodies:
+  a: {type: rigid, mass: 1.0, inertia: 0.05, points: {in: [-0.25, 0], out: [0.25, 0]}}
+  b: {type: beam, material: m, section: s, length: 0.5, elements: 1}
+  c: {type: rigid, mass: 1.7, inertia: 0.05, points: {in: [-0.25, 0], out: [0.25, 0]}}
+joints:
+  j: {type: revolute, between: [ground, a.in]}
+  k: {type: revolute, between: [a.out, b.root]}
+  l: {type: revolute, between: [b.tip, c.in]}
+springs:
+  p: {type: rotational, between: [ground, a.in], stiffness: 30.74, rest_angle: 60.3 deg}
+  q: {type: rotational, between: [a.out, b.root], stiffness: 11.2, rest_angle: -630.6 deg}
+  r: {type: rotational, between: [b.tip, c.in], stiffness: 32.54, rest_angle: -671.2 deg}
+loads: {turn: {type: moment, at: c.out, moment: -6.49}}
+initial: {j: {angle: 5.5 deg}, k: {angle: -164.8 deg}, l: {angle: -23.1 deg}}
+solve: {duration: 1}
+output: {channels: [j.angle, k.angle, b.angle]}
+"""
+
+
+def test_turns_of_a_beam_are_counted_along_a_path_that_began_anew():
+    path = run_static(parse_deck(COILED), Wish(path=True))
+    assert path["b.angle"] == pytest.approx(path["j.angle"] + path["k.angle"], abs=1e-4)
+
+
 def test_another_place_of_rest_to_which_loads_alone_lead_is_told_of():
     changes = ["springs.coil.rest_angle=100 deg", "initial.hinge.angle=-100 deg"]
     deck = parse_deck(FLAP + "loads: {pull: {type: force, at: flap, force: [0, -6, 0]}}", overrides=changes)
