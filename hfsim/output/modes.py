@@ -106,6 +106,8 @@ def _verdict(found: Modes) -> Iterator[str]:
         yield f"unstable: mode {mode.number}, {mode.kind}: it {how}, by exp({mode.growth:.4g} t)"
     if len(found.unstable) > _MOST_TOLD:
         yield f"and {plural(len(found.unstable) - _MOST_TOLD, 'more unstable mode')}"
+    if found.unstable and found.about.state == "equilibrium":
+        yield "this equilibrium is not stable: hfsim static tells where the scene comes to rest"
     free = [mode.number for mode in found.modes if mode.free]
     if free:
         yield f"free: nothing brings back {plural(len(free), 'mode')} ({_listed(free)}), of frequency zero"

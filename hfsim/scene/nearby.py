@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.mechanics.statics.equilibrium import HOLD
+from hfsim.maths.matrices import is_sparse
+from hfsim.mechanics.statics.equilibrium import HOLD, STAYED
 from hfsim.mechanics.statics.newton import Effort, stepped
 from hfsim.mechanics.turning import Turning
-from hfsim.scene.equilibrium import problem_of
-from hfsim.scene.gauging import Assembled
+from hfsim.scene.equilibrium import equilibrium_of, problem_of, why_not
+from hfsim.scene.gauging import Assembled, gauge_of
 
 
 def nearby(scene: Assembled, t: float, x: Array, turning: Turning) -> Array | None:
@@ -32,3 +33,30 @@ def nearby(scene: Assembled, t: float, x: Array, turning: Turning) -> Array | No
     problem = replace(problem, start=start, turning=turning, hold=HOLD)
     share, state = stepped(problem, Effort())
     return np.asarray(problem.expand(state.z)[0]) if share == 1.0 else None
+
+
+def resting(scene: Assembled) -> Array:
+    """Return the coordinates (n_x,) of the equilibrium next to the start.
+
+    With none so near, it is the one in which the scene comes to rest; where it does not, one further off.
+
+    Raises
+    ------
+    SolverFailure
+        If there is none at all.
+    """
+    start, n_dim = scene.system.absolute(scene.q[None])[0], scene.deck.dimension
+    sparse = is_sparse(scene.system.equations.constant_mass)
+    still = Turning.of(scene.bodies.values(), np.zeros(1 if n_dim == 2 else 3), np.zeros(n_dim), sparse)
+    try:
+        near = nearby(scene, 0.0, start, still)
+    except np.linalg.LinAlgError:
+        near = None
+    if near is not None and gauge_of(scene).size((near - start)[None]) < STAYED:
+        return near
+    found = equilibrium_of(scene, problem_of(scene))
+    if not found.reason:
+        return np.asarray(scene.system.reduction.expand(found.state.z)[0])
+    if near is None:
+        raise why_not(scene, 0.0, found)
+    return near

@@ -23,7 +23,7 @@ from hfsim.mechanics.small_motions import SmallMotions, small_motions
 from hfsim.mechanics.turning import NOISE, Turning
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
-from hfsim.scene.nearby import nearby
+from hfsim.scene.nearby import nearby, resting
 from hfsim.scene.resting import turning_with
 from hfsim.scene.rules import welded
 
@@ -228,7 +228,7 @@ def about(
         q, v = _after(scene, at, progress)
         return linearised(scene, q, v, "time", at)
     if state == "equilibrium":
-        return _resting(linearised(scene, scene.q, 0.0 * scene.v, state))
+        return _resting(scene)
     found = linearised(scene, scene.q, scene.v, state)
     return found if state != "steady" else turning_at(found, None)
 
@@ -291,22 +291,14 @@ def _no_one_axis(start: About, remedy: str) -> ModesError:
     return ModesError(f"nothing turns at the start: {told}, or {remedy}")
 
 
-def _resting(start: About) -> About:
+def _resting(scene: Scene) -> About:
     """Return the equilibrium next to the start or, with none so near, where the scene comes to rest."""
-    scene = start.scene
-    n_dim, sparse = scene.deck.dimension, is_sparse(scene.system.equations.constant_mass)
-    still = Turning.of(scene.bodies.values(), np.zeros(1 if n_dim == 2 else 3), np.zeros(n_dim), sparse)
+    x = resting(scene)
     try:
-        return _settled(start, still, "equilibrium")
-    except ModesError:
-        from hfsim.scene.equilibrium import equilibrium_of, problem_of, why_not
-
-        found = equilibrium_of(scene, problem_of(scene))
-        if found.reason:
-            raise why_not(scene, 0.0, found) from None
-        x = scene.system.reduction.expand(found.state.z)
-        q, v = scene.system.state(x, 0.0 * x, scene.q[None])
-        return linearised(scene, q[0], v[0], "equilibrium")
+        motions = small_motions(scene.system, 0.0, x, 0.0 * x)
+    except np.linalg.LinAlgError as error:
+        raise ModesError(f"the equations of motion are singular at rest: {error}") from None
+    return About(scene, "equilibrium", 0.0, motions)
 
 
 def turning_at(start: About, rate: float | None) -> About:
@@ -320,22 +312,22 @@ def turning_at(start: About, rate: float | None) -> About:
     turning = start.turning
     if turning is None:
         raise _no_one_axis(start, "--spin RATES with --spin-body NAME looks about the axis of one")
-    return _settled(start, turning if rate is None else turning.at_rate(rate), "steady")
+    return _settled(start, turning if rate is None else turning.at_rate(rate))
 
 
-def _settled(start: About, turning: Turning, state: str) -> About:
-    scene, system, t = start.scene, start.scene.system, start.t
+def _settled(start: About, turning: Turning) -> About:
+    scene, t = start.scene, start.t
     told = ", ".join(f"{one:.4g}" for one in np.atleast_1d(turning.spin))
-    told = f"{state}{f' at {told} rad/s' if turning.rate else ''}"
+    told = f"steady{f' at {told} rad/s' if turning.rate else ''}"
     try:
         x = nearby(scene, t, start.motions.x, turning)
         if x is None and (together := _together(scene, turning)) is not None:
             turning = together
             x = nearby(scene, t, start.motions.x, turning)
-        axes = turning if turning.rate else None
         if x is None:
             raise ModesError(f"{told}: no state that lasts was found next to it")
-        return About(scene, state, t, small_motions(system, t, x, turning.rates(x[None])[0], axes))
+        axes = turning if turning.rate else None
+        return About(scene, "steady", t, small_motions(scene.system, t, x, turning.rates(x[None])[0], axes))
     except np.linalg.LinAlgError as error:
         raise ModesError(f"{told}: {error}") from None
 
