@@ -12,6 +12,7 @@ from hfsim.deck.laws import Law
 from hfsim.errors import HfsimError, SolverFailure
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import wrap
+from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.force import ConstantForce, ForcePart
 from hfsim.mechanics.point_loads import Load
 from hfsim.mechanics.pose import Pose
@@ -21,6 +22,7 @@ from hfsim.mechanics.statics.equilibrium import Equilibrium, Search
 from hfsim.mechanics.statics.newton import NotFoundError
 from hfsim.mechanics.statics.problem import Problem, State, Weighted
 from hfsim.mechanics.statics.relaxation import ENDLESS
+from hfsim.mechanics.subset import Subset
 from hfsim.mechanics.system import System
 from hfsim.mechanics.ties import Tie
 from hfsim.parts.bodies.models import MODELS
@@ -174,6 +176,25 @@ def _standing(part: ForcePart) -> ForcePart:
         for one in part.resistances
     )
     return replace(part, resistances=tuple(resistances))
+
+
+def _halted(constraint: Constraint) -> Constraint:
+    """Return a joint equation whose law stands still wherever it has come to."""
+    if isinstance(constraint, Subset):
+        return Subset.of(_halted(constraint.whole), constraint.kept)
+    return replace(constraint, law=StandingLaw(constraint.law)) if constraint.law else constraint
+
+
+def standing(system: System, moving: bool = False) -> System:
+    """Return the equations of what lasts: the laws of joints stand still, and those of servos if not moving.
+
+    Their accelerations would load joints, and so add to the stiffness.
+    """
+    forces = system.forces if moving else tuple(map(_standing, system.forces))
+    if not any(one.driven for one in system.constraints):
+        return replace(system, forces=forces)
+    constraints = tuple(map(_halted, system.constraints))
+    return replace(system, forces=forces, equations=replace(system.equations, all_constraints=constraints))
 
 
 def _weighted(scene: Assembled, varied: Collection[str] | None, moving: bool) -> Iterator[Weighted]:

@@ -11,15 +11,15 @@ from hfsim.maths.matrices import is_sparse
 from hfsim.mechanics.statics.equilibrium import HOLD, STAYED
 from hfsim.mechanics.statics.newton import Effort, stepped
 from hfsim.mechanics.turning import Turning
-from hfsim.scene.equilibrium import equilibrium_of, problem_of, why_not
+from hfsim.scene.equilibrium import equilibrium_of, problem_of, standing, why_not
 from hfsim.scene.gauging import Assembled, gauge_of
 
 
-def nearby(scene: Assembled, t: float, x: Array, turning: Turning) -> Array | None:
+def nearby(scene: Assembled, t: float, x: Array, turning: Turning, moving: bool = True) -> Array | None:
     """Return the coordinates (n_x,), next to some, that turn without a change of shape.
 
     With a spin of zero they are at rest.  All loads act in full; what is not balanced by inertia in the
-    given place is taken away in steps where need be.
+    given place is taken away in steps where need be.  What servos go to counts as moving, or as standing.
 
     Returns
     -------
@@ -27,8 +27,9 @@ def nearby(scene: Assembled, t: float, x: Array, turning: Turning) -> Array | No
         None if there are none so near.
     """
     time, place = np.array([t]), x[None]
-    problem, u = problem_of(scene, t, varied=(), x=place, moving=True), turning.rates(place)
-    _, multipliers = scene.system.equations.solve(time, place, u, scene.system.force(time, place, u))
+    problem, u = problem_of(scene, t, varied=(), x=place, moving=moving), turning.rates(place)
+    system = standing(scene.system, moving)
+    _, multipliers = system.equations.solve(time, place, u, system.force(time, place, u))
     start = problem.start._replace(multipliers=multipliers)
     problem = replace(problem, start=start, turning=turning, hold=HOLD)
     share, state = stepped(problem, Effort())
@@ -49,7 +50,7 @@ def resting(scene: Assembled) -> Array:
     sparse = is_sparse(scene.system.equations.constant_mass)
     still = Turning.of(scene.bodies.values(), np.zeros(1 if n_dim == 2 else 3), np.zeros(n_dim), sparse)
     try:
-        near = nearby(scene, 0.0, start, still)
+        near = nearby(scene, 0.0, start, still, moving=False)
     except np.linalg.LinAlgError:
         near = None
     if near is not None and gauge_of(scene).size((near - start)[None]) < STAYED:

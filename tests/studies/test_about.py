@@ -1,4 +1,4 @@
-"""The state that modes are about."""
+"""The state that modes are about: laws of time stand in what lasts, and rest is where statics has it."""
 
 import numpy as np
 import pytest
@@ -7,6 +7,58 @@ from click.testing import CliRunner
 import hfsim
 from hfsim.cli import app
 from hfsim.scene.loading import parse_deck
+
+PAIR = """hfsim: 1
+bodies:
+  a: {{type: rigid, mass: 1.0, inertia: 0.1, points: {{p: [0.3, 0.0]}}}}
+  b: {{type: rigid, mass: 1.0, inertia: 0.1, points: {{q: [-0.4, 0.0]}}}}
+  {body}
+joints:
+  pin: {{type: revolute, between: [ground, a]}}
+  {joint}
+springs: {{coil: {{type: rotational, between: [ground, a], stiffness: {stiffness}}}}}
+{more}
+solve: {{duration: 1.0}}
+"""
+LED = {
+    "place": "lead: {{type: motion, between: [a.p, b.q], x: {}}}",
+    "turn": "lead: {{type: motion, between: [a.p, b.q], turn: {}}}",
+    "driver": "s: {{type: prismatic, between: [a.p, b.q]}}\n"
+    "  lead: {{type: driver, between: [a.p, b.q], position: {}}}",
+    "servo": "s: {{type: prismatic, between: [a.p, b.q]}}\n"
+    "  lead: {{type: servo, between: [a.p, b.q], position: {}, stiffness: 50.0, damping: 2.0}}",
+}
+LAWS = {
+    "rate": "{type: sine, amplitude: 1.0, frequency: 1.0}",
+    "acceleration": "{type: sine, amplitude: 1.0, frequency: 1.0, phase: 90 deg, offset: -1.0}",
+}
+
+
+def values(joint, about, stiffness=5.0, more="", body=""):
+    """Return the eigenvalues of two bodies, one led by the other."""
+    text = PAIR.format(joint=joint, stiffness=stiffness, more=more, body=body)
+    found = hfsim.modes(parse_deck(text), about=about)
+    assert found.about.lasting
+    return np.array([mode.value for mode in found])
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("kind", LED)
+def test_laws_stand_at_rest(kind, law):
+    """Their accelerations load joints, and so do servos that go on: neither is there at rest."""
+    moving, standing = (values(LED[kind].format(one), "equilibrium") for one in (LAWS[law], "0.0"))
+    assert moving == pytest.approx(standing, rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["place", "turn", "driver"])
+def test_laws_stand_in_steady_rotation(kind):
+    third = "c: {type: rigid, mass: 0.5, inertia: 0.1, points: {r: [-0.2, 0.0]}}"
+    joint = LED[kind] + "\n  hinge: {{type: revolute, between: [b, c.r]}}"
+    more = "initial: {a: {angular_velocity: 1.5}, b: {angular_velocity: 1.5}, c: {angular_velocity: 1.5}}"
+    told = (LAWS["acceleration"], "0.0")
+    moving, standing = (values(joint.format(one), "steady", 0.0, more, third) for one in told)
+    assert len(moving) > 1 and moving == pytest.approx(standing, rel=1e-7, abs=1e-7)
+
 
 ROD = """hfsim: 1
 name: rod

@@ -20,8 +20,10 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import is_sparse
 from hfsim.mechanics.small_motions import SmallMotions, small_motions
+from hfsim.mechanics.system import System
 from hfsim.mechanics.turning import NOISE, Turning
 from hfsim.scene.build import Scene, build
+from hfsim.scene.equilibrium import standing
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.nearby import nearby, resting
 from hfsim.scene.resting import turning_with
@@ -66,6 +68,12 @@ class About:
     t: float
     motions: SmallMotions
 
+    @cached_property
+    def system(self) -> System:
+        """The equations; in a state that is to last laws of joints stand, at rest those of servos too."""
+        system = self.scene.system
+        return standing(system, self.state == "steady") if self.state in STATES[1:] else system
+
     @property
     def turning(self) -> Turning | None:
         """The axes that the small motions are seen from, where these turn."""
@@ -84,7 +92,7 @@ class About:
         turning = _turning(self.scene, self.t, at, alone=True)
         if turning is None or turning.spin.any():
             return None
-        return replace(self, motions=small_motions(self.scene.system, self.t, at.x, at.u, turning))
+        return replace(self, motions=small_motions(self.system, self.t, at.x, at.u, turning))
 
     @cached_property
     def mass(self) -> float:
@@ -140,7 +148,7 @@ class About:
         """
         if self.turning is None:
             return 0.0
-        system, turning = self.scene.system, self.turning
+        system, turning = self.system, self.turning
         x, u = self.after_a_turn
         if not np.allclose(system.reduction.expand(system.reduction.free(x)), x, atol=1e-6 * self.size):
             return np.inf
@@ -295,7 +303,7 @@ def _resting(scene: Scene) -> About:
     """Return the equilibrium next to the start or, with none so near, where the scene comes to rest."""
     x = resting(scene)
     try:
-        motions = small_motions(scene.system, 0.0, x, 0.0 * x)
+        motions = small_motions(standing(scene.system), 0.0, x, 0.0 * x)
     except np.linalg.LinAlgError as error:
         raise ModesError(f"the equations of motion are singular at rest: {error}") from None
     return About(scene, "equilibrium", 0.0, motions)
@@ -326,8 +334,8 @@ def _settled(start: About, turning: Turning) -> About:
             x = nearby(scene, t, start.motions.x, turning)
         if x is None:
             raise ModesError(f"{told}: no state that lasts was found next to it")
-        axes = turning if turning.rate else None
-        return About(scene, "steady", t, small_motions(scene.system, t, x, turning.rates(x[None])[0], axes))
+        axes, system = turning if turning.rate else None, standing(scene.system, moving=True)
+        return About(scene, "steady", t, small_motions(system, t, x, turning.rates(x[None])[0], axes))
     except np.linalg.LinAlgError as error:
         raise ModesError(f"{told}: {error}") from None
 

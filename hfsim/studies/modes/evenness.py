@@ -24,7 +24,7 @@ def stays_even(state: About, shapes: ComplexArray, rates: Array, uncertainty: Ar
     rates, uncertainty : ndarray, shape (k,)
         Sizes of their eigenvalues, and errors of these [1/s].
     """
-    turning, system = state.turning, state.scene.system
+    turning, system = state.turning, state.system
     if turning is None or not len(shapes):
         return True
     reduction, changes = system.reduction, np.concatenate([shapes.real, shapes.imag])
