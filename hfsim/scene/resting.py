@@ -64,20 +64,22 @@ def at_rest(scene: Measured) -> Rest:
     NoStartError
         If there is no equilibrium.
     """
-    if scene.deck.steady is not None:
+    spec = scene.deck.steady
+    if spec is not None and np.any(spec.rate):
         return _steady(scene)
     loaded, turns = scene.loaded, Turns(scene)
-    some = scene.deck.resting
+    # a rotation at no rate is rest
+    path, some = (AT_REST, scene.deck.resting) if spec is None else (STEADY, tuple(scene.bodies))
     bodies = None if set(some) >= set(scene.bodies) else some
     problem = problem_of(scene, 0.0, turns, bodies=bodies)
     turns.expand = problem.expand
     found = equilibrium_of(scene, problem, bodies)
     if found.reason:
         why = why_not(scene, 0.0, found)
-        raise _no_start(loaded, f"initial.{AT_REST}", f"there is none: {why}", why.remedy)
+        raise _no_start(loaded, f"initial.{path}", f"there is none: {why}", why.remedy)
     turns(1.0, found.state)
     x = problem.expand(found.state.z)
-    told = tuple(f"initial.{AT_REST}: {one}" for one in doubts(scene, found, x))
+    told = tuple(f"initial.{path}: {one}" for one in doubts(scene, found, x))
     return _begun(scene, turns, x, _rates(scene, x), told)
 
 

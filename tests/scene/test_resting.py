@@ -254,6 +254,38 @@ def test_what_cannot_turn_is_refused_at_its_place():
         parse_deck(SPIN, overrides=["initial.steady=true"])
 
 
+BALL = """hfsim: 1
+gravity: [0.0, 0.0, 0.0]
+bodies:
+  hub:
+    {type: rigid, mass: 1.0, inertia: [0.05, 0.06, 0.05],
+     points: {p: [0.1, 0.2, -0.15], q: [0.25, 0.2, -0.3], c: [0.1, -0.2, 0.0]}}
+  arm:
+    {type: rigid, mass: 0.6, inertia: [0.05, 0.055, 0.06], points: {r: [-0.1, -0.2, 0.1], e: [0.0, 0.25, -0.2]}}
+  ball: {type: rigid, mass: 0.5, inertia: [0.06, 0.055, 0.05], points: {r: [-0.15, -0.3, 0.25]}}
+joints:
+  axle: {type: revolute, between: [ground, hub.c], axis: [0, 0, 1]}
+  hinge: {type: revolute, between: [hub.p, arm.r], axis: [-0.8, 0.7, 1.0]}
+  socket: {type: spherical, between: [arm.e, ball.r]}
+springs:
+  coil: {type: rotational, between: [hub.p, arm.r], stiffness: 25.0, axis: [-0.8, 0.7, 1.0]}
+  strut: {type: two_point, between: [hub.q, ball], stiffness: 120.0}
+initial: {steady: {body: hub, rate: 0.0}}
+solve: {duration: 0.5, tolerance: 1.0e-9}
+output: {channels: [coil.angle, strut.distance]}
+"""
+
+
+@pytest.mark.parametrize("text", [SPIN, BALL])
+def test_a_steady_rotation_at_no_rate_is_rest(text):
+    scene = build(parse_deck(text, overrides=["initial.steady.rate=0.0"]))
+    resting = build(parse_deck(text, overrides=["initial={equilibrium: true}"]))
+    assert not scene.v.any() and np.array_equal(scene.q, resting.q)
+    pushed = ["initial.steady.rate=0.0", "loads={push: {type: moment, at: hub, moment: 1.0}}"]
+    with pytest.raises(NoStartError, match=r"initial\.steady: there is none: nothing holds"):
+        build(parse_deck(text, overrides=pushed))
+
+
 UNBALANCED = """
 hfsim: 1
 gravity: [0.0, 0.0, 0.0]
