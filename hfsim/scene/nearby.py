@@ -8,8 +8,8 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import is_sparse
-from hfsim.mechanics.statics.equilibrium import HOLD, STAYED
-from hfsim.mechanics.statics.newton import Effort, stepped
+from hfsim.mechanics.statics.equilibrium import STAYED
+from hfsim.mechanics.statics.newton import HOLD, Effort, stepped
 from hfsim.mechanics.turning import Turning
 from hfsim.scene.equilibrium import equilibrium_of, problem_of, standing, why_not
 from hfsim.scene.gauging import Assembled, gauge_of

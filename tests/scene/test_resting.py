@@ -261,7 +261,8 @@ bodies:
     {type: rigid, mass: 1.0, inertia: [0.05, 0.06, 0.05],
      points: {p: [0.1, 0.2, -0.15], q: [0.25, 0.2, -0.3], c: [0.1, -0.2, 0.0]}}
   arm:
-    {type: rigid, mass: 0.6, inertia: [0.05, 0.055, 0.06], points: {r: [-0.1, -0.2, 0.1], e: [0.0, 0.25, -0.2]}}
+    {type: rigid, mass: 0.6, inertia: [0.05, 0.055, 0.06],
+     points: {r: [-0.1, -0.2, 0.1], e: [0.0, 0.25, -0.2]}}
   ball: {type: rigid, mass: 0.5, inertia: [0.06, 0.055, 0.05], points: {r: [-0.15, -0.3, 0.25]}}
 joints:
   axle: {type: revolute, between: [ground, hub.c], axis: [0, 0, 1]}
@@ -274,6 +275,18 @@ initial: {steady: {body: hub, rate: 0.0}}
 solve: {duration: 0.5, tolerance: 1.0e-9}
 output: {channels: [coil.angle, strut.distance]}
 """
+
+
+@pytest.mark.parametrize(
+    ("rate", "angle"),
+    [(0.1, -3.24685198e-05), (0.5, -8.15744482e-04), (1.0, -3.30898e-3), (2.5, -2.166136e-2)],
+)
+def test_what_inertia_alone_turns_finds_its_steady_place(rate, angle):
+    """The least of V - w^2 I / 2 by another program; the place turns on by rounding when nothing holds it."""
+    run = hfsim.run(parse_deck(BALL), {"initial.steady.rate": rate}, error_estimate=False)
+    assert run["coil.angle"][0] == pytest.approx(angle, rel=2e-6)
+    assert run["coil.angle"] == pytest.approx(run["coil.angle"][0], abs=1e-9)
+    assert run["strut.distance"] == pytest.approx(run["strut.distance"][0], abs=1e-9)
 
 
 @pytest.mark.parametrize("text", [SPIN, BALL])

@@ -10,13 +10,11 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.mechanics.statics.beginning import begun
-from hfsim.mechanics.statics.newton import Effort, NotFoundError, stepped
+from hfsim.mechanics.statics.newton import HOLD, Effort, NotFoundError, stepped
 from hfsim.mechanics.statics.problem import Level, Problem, State
 from hfsim.mechanics.statics.relaxation import relaxed
 from hfsim.mechanics.statics.stability import Signs, neutral
 
-HOLD = 1e-11
-"""What holds motions that nothing brings back, over the stiffest of all."""
 KICK = 0.02
 """Size of a push out of a place of rest that is not stable [rad]."""
 KICKS = 8
@@ -146,8 +144,9 @@ class Search:
                 state = relaxed(self.problem, state, self.effort)
             except NotFoundError as error:
                 share = 0.0 if limit is None else limit
-                nothing = np.zeros((0, state.z.shape[1]))
-                held = self._neutral(error.state, 1.0)
+                held = nothing = np.zeros((0, state.z.shape[1]))
+                if self.problem.turning is None:  # else nothing resists the turn itself, which is no reason
+                    held = self._neutral(error.state, 1.0)
                 held = held if len(held) or error.motion is None else error.motion
                 args = (begin, share, np.zeros(0), nothing, held, True, limit, self.effort)
                 return Equilibrium(*args, reason=str(error), lost=error.state)

@@ -34,6 +34,9 @@ LITTLE = 1e-3
 SHORTEST = 1e-5
 """Step of the load, relative to all of it, below which the path has come to its end."""
 
+HOLD = 1e-11
+"""What holds motions that nothing brings back, over the stiffest of all."""
+
 EPSILON = float(np.finfo(float).eps)
 
 Correction = tuple[Array, Array]

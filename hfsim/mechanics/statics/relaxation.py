@@ -8,11 +8,21 @@ only stable places of rest are come to, but for a start that is exactly between.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Matrix
-from hfsim.mechanics.statics.newton import ENOUGH, ROUGH, Effort, NotFoundError
+from hfsim.mechanics.statics.newton import (
+    ENOUGH,
+    HOLD,
+    ROUGH,
+    SHRINKING,
+    Effort,
+    NotFoundError,
+    balanced,
+)
 from hfsim.mechanics.statics.problem import Level, Problem, State, Tangent
 
 MOVE = 0.2
@@ -76,8 +86,12 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
         problem.note(load, state)
         effort.steps += 1
         way += size
-        if size < ENOUGH or (before < ROUGH and size > 0.25 * before and step >= longest):
+        if size < ENOUGH:
             return problem.at(state)
+        if step >= longest and before < SAME and size > SHRINKING * before:
+            held = _held(problem, state, level, effort)
+            if held is not None or before < ROUGH:
+                return held or problem.at(state)
         stayed += 1
         if step < longest or problem.moved(state.z - place) > SAME:
             place, first, stayed = state.z, size, 0
@@ -90,6 +104,18 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
         before = size
         force, gap, K, J = _equations(problem, state, level)
     raise NotFoundError(ENDLESS, state, dz if before > SAME else None)
+
+
+def _held(problem: Problem, state: State, level: Level, effort: Effort) -> State | None:
+    """Return the place of rest at a state where what nothing brings back is held; None without.
+
+    Rounding moves that the further the longer steps are.
+    """
+    try:
+        found = balanced(replace(problem, hold=HOLD), state, level, effort)
+    except NotFoundError:
+        return None
+    return found if problem.moved(found.z - state.z) < SAME else None
 
 
 def _answer(problem: Problem, tangent: Tangent, force: Array, gap: Array) -> tuple[Array, Array, float, bool]:
