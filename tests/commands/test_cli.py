@@ -71,7 +71,7 @@ class FakeScene:
         loaded = types.SimpleNamespace(
             deck=deck, deck_sha256="f" * 64, auto_elements=(), warnings=(), has_target=False
         )
-        loaded.source = types.SimpleNamespace(texts={})
+        loaded.source = types.SimpleNamespace(texts={}, known={}, is_overridden=lambda path: False)
         loaded.with_solve = lambda change: types.SimpleNamespace(**{**vars(loaded), "other": 1e-9})
         loaded.with_numbers = lambda note=None: loaded
         return loaded
