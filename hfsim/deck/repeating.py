@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from hfsim.deck.parameters import Values, no_name
+from hfsim.deck.ranges import written
 from hfsim.deck.reader import MOST_ENTRIES, Path
 from hfsim.deck.source import DeckSource
 from hfsim.errors import DeckProblem
@@ -223,7 +224,7 @@ class _Repeating:
             number = self.values.value(path, text, match.span(1))
             if number is None:
                 break
-            found, at = f"{found}{text[at : match.start()]}{number!r}", match.end()
+            found, at = f"{found}{text[at : match.start()]}{written(number)}", match.end()
         return found + text[at:]
 
     def _whole(self, path: Path, text: str, part: tuple[int, int], on_key: bool) -> int | None:
