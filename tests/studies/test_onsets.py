@@ -136,3 +136,13 @@ def test_critical_rates_are_told_where_growth_begins_as_well(inner, rates):
     assert critical == pytest.approx(expected, rel=1e-5)
     begins = [one for one in expected if one < rates[-1]]
     assert [one.rate for one in found.onsets] == pytest.approx(begins, rel=1e-3)
+
+
+@pytest.mark.parametrize("rates", [[1, 48], [38, 39], [30, 40, 60]], ids=str)
+def test_a_second_motion_of_one_shape_begins_to_go_away(rates):
+    """Damping inside lets both go away beyond sqrt(k2 / m), which soon swing: one more than below."""
+    found = hfsim.campbell(disc(0.9, 0.0, 3000.0), rates, count=4)
+    expected = [one for one in (np.sqrt(500.0), np.sqrt(1500.0)) if rates[0] < one < rates[-1]]
+    assert [one.rate for one in found.onsets] == pytest.approx(expected, rel=1e-3)
+    assert [one.frequency for one in found.onsets] == [0.0] * len(expected)
+    assert all(one.above for one in found.onsets)

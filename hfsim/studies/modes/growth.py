@@ -88,7 +88,7 @@ def _told(
 def _onset(
     number: int, ends: tuple[_End, _End], mode: Mode, before: Mode, was_held: bool, above: bool
 ) -> Onset:
-    share, away = _share(before, mode, ends[1][1]), mode.kind == "divergence"
+    share, away = _share(before, mode, ends[1][1]), mode.kind == "divergence" or before.kind == "decay"
     rate, frequency = (
         a + share * (b - a) for a, b in ((ends[0][0], ends[1][0]), (before.frequency, mode.frequency))
     )
@@ -112,8 +112,12 @@ def _changes(low: _End, high: _End, steady: Steady, tries: int) -> Iterator[tupl
 
 def _changed(low: Modes, high: Modes) -> bool:
     """Tell whether something begins to grow between two rates, or ceases to."""
-    sizes = [sum(2 if mode.value.imag else 1 for mode in found.unstable) for found in (low, high)]
-    return sizes[0] != sizes[1] or all(_new(*both) for both in ((low, high), (high, low)))
+    return _dimensions(low) != _dimensions(high) or all(_new(*both) for both in ((low, high), (high, low)))
+
+
+def _dimensions(found: Modes) -> int:
+    """Return the number of dimensions in which something grows."""
+    return sum(2 if mode.value.imag else 1 for mode in found.unstable)
 
 
 def _new(before: Modes, after: Modes) -> list[Mode]:
@@ -122,8 +126,12 @@ def _new(before: Modes, after: Modes) -> list[Mode]:
     if not growing or not known:
         return list(growing)
     unlike = how_unlike(after, known, growing)[0]
-    same = {j for k, j in assigned(unlike).items() if unlike[k, j] < 1.0 - ALIKE}
-    return [mode for j, mode in enumerate(growing) if j not in same]
+    same = {j: known[k] for k, j in assigned(unlike).items() if unlike[k, j] < 1.0 - ALIKE}
+    new = [mode for j, mode in enumerate(growing) if j not in same]
+    if new or _dimensions(after) <= _dimensions(before):
+        return new
+    # a second motion of one shape has begun to go away, and both swing now
+    return [growing[j] for j, one in same.items() if growing[j].value.imag and not one.value.imag]
 
 
 def _of_change(low: Modes, high: Modes) -> Iterator[tuple[Mode, Mode | None, bool]]:
