@@ -19,15 +19,26 @@ MOST_NAMED = 5
 
 
 def contradicted(
-    start: Start, given: Stated, joint: Constraint, size: float, allowed: Sequence[Change] = ()
+    start: Start,
+    given: Stated,
+    joint: Constraint,
+    size: float,
+    allowed: Sequence[Change] = (),
+    gaps: Array | None = None,
 ) -> DeckError:
-    """Return the refusal of what is stated, or of joints that contradict each other whatever is stated."""
+    """Return the refusal of what is stated, or of joints that contradict each other whatever is stated.
+
+    Parameters
+    ----------
+    gaps : ndarray, shape (n_rows,), optional
+        The least that is left, in units, if that is known: where it is not zero, joints contradict.
+    """
     rates = "velocity" in given.parts
     unit = f"{joint.unit}/s" if rates else joint.unit
     if not given.stated.any():
         hint = "the start or the rate of a driver, or an angle of a joint, must be another"
-        if start.posed:
-            hint = f"correct or leave out {start.posed}; or {hint}"
+        if posed := start.posed(gaps):
+            hint = f"correct or leave out {posed}; or {hint}"
         return start.refuse(
             joint.item, f"other joints and drivers contradict this one by {size:.6g} {unit}", hint
         )
@@ -49,8 +60,8 @@ def misfaced(start: Start, item: str, off: float, faced: Array) -> DeckError:
     return start.refuse(item, message, f"{hint} under 'initial', or leave it out to let it follow")
 
 
-def cannot_close(start: Start, place: Stated, joint: Constraint, size: float) -> DeckError:
-    """Return the refusal of joints that close at no angles."""
+def cannot_close(start: Start, place: Stated, joint: Constraint, size: float, gaps: Array) -> DeckError:
+    """Return the refusal of joints that close at no angles, of which gaps (n_rows,) are the least."""
     held = {start.names[k // freedoms(start.n_dim)] for k in np.flatnonzero(place.exact)}
     if held:
         message = f"cannot be closed with what is exact: at least {size:.6g} {joint.unit} are left"
@@ -58,10 +69,10 @@ def cannot_close(start: Start, place: Stated, joint: Constraint, size: float) ->
     else:
         message = f"cannot be closed: at least {size:.6g} {joint.unit} are left, whatever the angles"
         hint = "make a link longer, move a point, or let a driver start elsewhere"
-        if start.posed:
+        if posed := start.posed(gaps):
             left = f"at least {size:.6g} {joint.unit} are left"
             message = f"cannot be closed with what is stated of joints: {left}"
-            return start.refuse(joint.item, message, f"correct or leave out {start.posed}")
+            return start.refuse(joint.item, message, f"correct or leave out {posed}")
         if (slack := _slack(start, joint)) is not None:
             return start.refuse(joint.item, *slack)
         if unknown := _unfaced(start, place):
@@ -110,7 +121,8 @@ def arc_angle(chord: float) -> float:
 
 
 def _unfaced(start: Start, place: Stated) -> str:
-    """Return in words which bodies have no stated orientation, in space; nothing if there are none."""
-    turns = (place.open & start.linkage.turns).reshape(len(start.names), -1)
-    names = [start.names[k] for k in np.flatnonzero(turns.any(axis=1))] if start.n_dim == 3 else []
+    """Return in words which bodies with axes that joints hold have no stated orientation; '' for none."""
+    axes = {start.linkage.owner(end) for _, *ends, _, _ in start.linkage.senses for end in ends}
+    unknown = np.flatnonzero(start.turns_of(place.open).any(axis=1))
+    names = [start.names[k] for k in unknown if k in axes]
     return ", ".join(names) if len(names) <= MOST_NAMED else f"{len(names)} bodies"

@@ -18,6 +18,7 @@ from hfsim.maths.arrays import Array, BoolArray, IntArray, magnitude
 from hfsim.maths.matrices import smallest_step
 from hfsim.maths.rank import null_space
 from hfsim.maths.rotations import freedoms, rotation, rotation_vector, wrap
+from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Twist
 from hfsim.scene.assembly import Assembly, Branches, Change, Placed, Turn
@@ -265,7 +266,7 @@ def _guesses(start: Start, place: Stated, starts: Array) -> list[Array]:
             _refuse_faces(start, best, lambda ends: any(turned[m.columns].any() for m in ends))
             unturned = link.descend(x[None], ~place.stated & ~link.turns)[0]
             raise contradicted(start, place, *link.worst(unturned))
-        raise cannot_close(start, place, opened, size)
+        raise cannot_close(start, place, opened, size, link.gaps(best[None])[0])
     near = min((_near(link, one, x) for one in found), key=partial(_off, link, place))
     near = _nearest(link, place, near)
     allowed = _changes(start, place, near)
@@ -327,7 +328,18 @@ def _settle_rates(start: Start, J: Array, rates: Stated) -> None:
         missed = _follow_rates(link, J, rates, none) / link.scales
         allowed = _changes(start, rates, values)
     if magnitude(missed) >= none or any(change.rough > 1.0 for change in allowed):
-        raise contradicted(start, rates, *link.largest_of(before / link.scales), allowed)
+        joint, size = link.largest_of(before / link.scales)
+        if len(J) <= MOST_ROWS:
+            size = _opened(link, J, ~rates.stated, before, joint)
+        raise contradicted(start, rates, joint, size, allowed, before / link.scales)
+
+
+def _opened(link: Linkage, J: Array, free: BoolArray, gap: Array, joint: Constraint) -> float:
+    """Return by how much a joint misses the rates where all others hold, or nearly so [m/s or rad/s]."""
+    own = link.equations.rows[link.constraints.index(joint)]
+    others = np.ones(len(J), dtype=bool)
+    others[own] = False
+    return float(np.linalg.norm((gap - J @ _least_turning(link, J[others], free, gap[others]))[own]))
 
 
 def _follow_rates(link: Linkage, J: Array, rates: Stated, none: float) -> Array:

@@ -13,7 +13,7 @@ from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.frozen import frozen, mutable
 from hfsim.maths.rotations import freedoms, rotation, rotation_vector
 from hfsim.mechanics.constraints import Constraint
-from hfsim.scene.closing import CLOSED, Linkage
+from hfsim.scene.closing import BESIDE, CLOSED, Linkage
 from hfsim.scene.initial import InitialSpec
 
 AT_START = np.zeros(1)
@@ -52,11 +52,13 @@ class Start:
         """The constraints that hold whole turns."""
         return tuple(c for c in self.linkage.constraints if c.holds_turn)
 
-    @cached_property
-    def posed(self) -> str:
-        """Deck paths of what is stated of joints, in words."""
-        items = dict.fromkeys(c.item for c in self.linkage.constraints if c.item.startswith("initial."))
-        return ", ".join(items)
+    def posed(self, gaps: Array | None = None) -> str:
+        """Return deck paths of what is stated of joints, in words; given gaps (n_rows,), of what leaves some."""
+        link = self.linkage
+        part = np.ones(len(link.scales)) if gaps is None else np.abs(gaps)
+        rows = zip(link.constraints, link.equations.rows, strict=True)
+        open_ones = (c.item for c, own in rows if part[own].max(initial=0.0) > BESIDE * part.max())
+        return ", ".join(dict.fromkeys(item for item in open_ones if item.startswith("initial.")))
 
     def turns_of(self, values: _Values) -> _Values:
         """Return those of values (n,) of all frames that are of turns, (n_bodies, n_spin): a view."""
@@ -90,8 +92,8 @@ class Start:
         own, body = values[where], int(where[0]) // freedoms(self.n_dim)
         if quantity == "angle" and self.linkage.centres is not None:
             own = rotation_vector(rotation(own) @ self.linkage.centres[body])
-            own = np.where(np.abs(own) < CLOSED, 0.0, own)
-        return tuple(map(float, own))
+        none = CLOSED * self.linkage.units[where]
+        return tuple(map(float, np.where(np.abs(own) < none, 0.0, own)))
 
     def frames(self, given: Stated) -> Iterator[tuple[str, tuple[Array, Array]]]:
         """Yield names of bodies with the values of both quantities."""

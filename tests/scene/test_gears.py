@@ -245,6 +245,8 @@ def test_the_nearest_start_does_not_count_what_only_follows():
     assert [twist.spin[0] for twist in found.twists.values()] == pytest.approx([10.1, 10.1, 30.3])
     with pytest.raises(DeckError, match=r"a\.angular_velocity 6 rad/s, b\.angular_velocity 6 rad/s"):
         build(parse_deck(NEAR.replace("INITIAL", "a: {angular_velocity: 10}, b: {angular_velocity: 2}")))
+    with pytest.raises(DeckError, match=r"a\.angular_velocity 0 rad/s, b\.angular_velocity 0 rad/s"):
+        build(parse_deck(NEAR.replace("INITIAL", "a: {angular_velocity: 10.1}, b: {angular_velocity: -10.1}")))
 
 
 def test_the_other_way_to_close_is_told_with_the_full_turns_that_gears_count():

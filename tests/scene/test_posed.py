@@ -263,3 +263,18 @@ solve: {{duration: 0.1}}
 """
     twists = build(parse_deck(text)).assembly.twists
     assert [twist.spin[2] for twist in twists.values()] == pytest.approx(0.1 * np.arange(1, 91))
+
+
+@pytest.mark.parametrize(
+    ("angle", "rate", "message", "key"),
+    [(200.0, 2.0, "contradict this one by 1 rad/s", "angular_velocity"), (210.0, 1.0, "at least 0.174533 rad are left", "angle")],
+)
+def test_contradictions_are_told_whole_and_with_the_entries_that_make_them(angle, rate, message, key):
+    """Shared between both that contradict each other, rates were told by half; all entries of joints were listed."""
+    law = f"{{type: constant_rate, start: {angle} deg, rate: {rate}}}"
+    text = SPATIAL.replace("joints:", f"joints:\n  spin: {{type: driver, between: [ground, base], angle: {law}}}")
+    with pytest.raises(DeckError) as refusal:
+        build(parse_deck(text))
+    (problem,) = refusal.value.problems
+    assert message in problem.message
+    assert problem.hint.partition(";")[0] == f"correct or leave out initial.yaw.{key}"

@@ -231,6 +231,9 @@ def test_a_loop_that_does_not_close_says_which_orientations_it_does_not_know(cra
     with pytest.raises(DeckError, match=r"cannot be closed.* hinges in a, b as they are") as refusal:
         cardan(crank, "")
     assert "state orientations" in refusal.value.problems[0].hint
+    ball = CARDAN.replace("joints:", "  ball: {type: rigid, mass: 1, inertia: [0.1, 0.1, 0.1]}\njoints:")
+    with pytest.raises(DeckError, match="hinges in a, b as they are"):  # not the ball, which has none
+        build(parse_deck(f"{ball}{crank}solve: {{duration: 1.0}}\n", "cardan.yaml"))
 
 
 def test_rounding_of_a_closed_joint_hides_no_contradicted_angle():
