@@ -263,8 +263,13 @@ class Linkage:
 
     def right_way_round(self, x: Array) -> bool:
         """Tell whether axes that joints hold point the same way at places (n,)."""
-        pairs = ((a.turned(x[None], own), b.turned(x[None], other)) for _, a, b, own, other in self.senses)
-        return all(float(np.sum(own * other)) > 0.0 for own, other in pairs)
+        return not any(self.turned_over(x))
+
+    def turned_over(self, x: Array) -> Iterator[str]:
+        """Yield the joints that hold axes which point in opposite ways at places (n,), for each of these."""
+        for item, a, b, own, other in self.senses:
+            if not float(np.sum(a.turned(x[None], own) * b.turned(x[None], other))) > 0.0:
+                yield item
 
     def faced(self, x: Array) -> Iterator[tuple[str, tuple[Marker, Marker], Array, Array]]:
         """Yield joints that hold three axes, their ends, and B's axes in A's: as held, and at places (n,)."""

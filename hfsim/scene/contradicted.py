@@ -67,7 +67,9 @@ def cannot_close(start: Start, place: Stated, joint: Constraint, size: float, ga
         message = f"cannot be closed with what is exact: at least {size:.6g} {joint.unit} are left"
         hint = f"leave out 'exact' of {', '.join(sorted(held))}, or correct what is stated there"
     else:
-        message = f"cannot be closed: at least {size:.6g} {joint.unit} are left, whatever the angles"
+        left = f"at least {size:.6g} {joint.unit} are left, whatever the angles"
+        left = left if size >= CLOSED else "only with axes turned over that it is to hold the same way"
+        message = f"cannot be closed: {left}"
         hint = "make a link longer, move a point, or let a driver start elsewhere"
         if posed := start.posed(gaps):
             left = f"at least {size:.6g} {joint.unit} are left"

@@ -264,8 +264,11 @@ def _guesses(start: Start, place: Stated, starts: Array) -> list[Array]:
         if size < CLOSED:  # the other way round, all would
             turned = place.stated & link.turns
             _refuse_faces(start, best, lambda ends: any(turned[m.columns].any() for m in ends))
-            unturned = link.descend(x[None], ~place.stated & ~link.turns)[0]
-            raise contradicted(start, place, *link.worst(unturned))
+            if place.stated.any() or start.posed():
+                unturned = link.descend(x[None], ~place.stated & ~link.turns)[0]
+                raise contradicted(start, place, *link.worst(unturned))
+            over = next(iter(link.turned_over(best)), opened.item)
+            opened = next(c for c in link.constraints if c.item == over)
         raise cannot_close(start, place, opened, size, link.gaps(best[None])[0])
     near = min((_near(link, one, x) for one in found), key=partial(_off, link, place))
     near = _nearest(link, place, near)

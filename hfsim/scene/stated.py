@@ -53,7 +53,7 @@ class Start:
         return tuple(c for c in self.linkage.constraints if c.holds_turn)
 
     def posed(self, gaps: Array | None = None) -> str:
-        """Return deck paths of what is stated of joints, in words; given gaps (n_rows,), of what leaves some."""
+        """Return deck paths of what is stated of joints, of all or of those with gaps (n_rows,), in words."""
         link = self.linkage
         part = np.ones(len(link.scales)) if gaps is None else np.abs(gaps)
         rows = zip(link.constraints, link.equations.rows, strict=True)

@@ -114,3 +114,23 @@ def test_a_stated_joint_angle_that_an_orientation_contradicts_by_half_a_turn_is_
     with pytest.raises(DeckError, match=r"contradict this joint by 3\.14159 rad") as refusal:
         scene(hub, "initial.hinge={angle: 0}")
     assert refusal.value.problems[0].path == "initial.hinge.angle"
+
+
+OVERTURNED = """hfsim: 1
+ground: {points: {A: [0, 0, 0], B: [2.5, 0, 0]}}
+bodies:
+  b1: {type: rigid, mass: 1, inertia: [1, 1, 1], points: {s: [1, 0, 1]}}
+  b2: {type: rigid, mass: 1, inertia: [1, 1, 1], points: {s: [1, 0, 1]}}
+joints:
+  s1: {type: spherical, between: [ground.A, b1.s]}
+  h: {type: revolute, between: [b1, b2], axis: [0, 0, 1]}
+  s2: {type: spherical, between: [ground.B, b2.s]}
+solve: {duration: 0.01}
+"""
+
+
+def test_what_closes_with_an_axis_turned_over_alone_is_told_so_not_by_a_gap_of_rounding():
+    with pytest.raises(DeckError, match="only with axes turned over") as refusal:
+        scene(OVERTURNED)
+    (problem,) = refusal.value.problems
+    assert problem.path == "joints.h" and "state orientations" in problem.hint
