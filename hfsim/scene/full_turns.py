@@ -14,7 +14,7 @@ import numpy as np
 
 from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array
-from hfsim.maths.rotations import rotation_vector, smallest_rotation, wrap
+from hfsim.maths.rotations import rotation_vector, wrap
 from hfsim.mechanics.directions import THIRD, Direction, along, unit
 from hfsim.scene.facing import Facings, by_holding
 from hfsim.scene.posed import posed, started
@@ -179,14 +179,12 @@ def _turned(entry: Any, axis: Array) -> Array | None:
 
 
 def _zero(tied: Any, axis: Array) -> Array:
-    """Return the turn that is stated of where an angle is zero."""
+    """Return the turn that is stated of where an angle is zero; none where that is tilted."""
     own = getattr(tied, "orientation", None)
-    if own is None:
+    if own is None or not _along(own.turns, axis):
         return np.zeros(2)
-    if own.states_turns and _along(own.turns, axis):
-        return np.array([own.turns @ axis, 0.0])
-    swing = smallest_rotation(own.matrix.T @ axis, axis)
-    return np.array([0.0, rotation_vector(own.matrix @ swing.T) @ axis])
+    turn = float(own.turns @ axis)
+    return np.array([turn, 0.0] if own.states_turns else [0.0, turn])
 
 
 def _of_joint(between: Mapping[tuple[str, ...], Array], pair: tuple[str, ...]) -> Array | None:

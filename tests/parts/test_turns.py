@@ -406,3 +406,11 @@ def test_turns_of_an_orientation_count_where_it_states_them(body, zero, angle):
 def test_turns_of_where_a_driver_is_zero_count(zero):
     driver = f"d: {{type: driver, between: [ground, a], angle: 600 deg, orientation: {about_z(*zero)}}}"
     assert placed(True, f"{HINGED}, {driver}")["h"] == pytest.approx(600 + zero[0], abs=1e-9)
+
+
+def test_turns_stated_of_a_joint_count_from_a_tilted_orientation():
+    """Its turn about the axis is half a turn at most."""
+    tilted = "{quaternion: [0.8, 0.2, -0.1, 0.5]}"
+    spring = f"s: {{type: rotational, between: [ground, a], stiffness: 1.0, orientation: {tilted}}}"
+    near, far = (placed(True, HINGED, f"h: {{angle: {one} deg}}", spring)["s"] for one in (8, -352))
+    assert abs(near) < 180 and far == pytest.approx(near - 360, abs=1e-9)
