@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,6 +36,8 @@ SHORTEST = 1e-5
 
 HOLD = 1e-11
 """What holds motions that nothing brings back, over the stiffest of all."""
+FIRMER = 1e4
+"""How much more does so in the last correction."""
 
 EPSILON = float(np.finfo(float).eps)
 
@@ -93,10 +95,18 @@ def balanced(
         state = State(state.z + dz, state.multipliers + change, expected)
         rough = before < ROUGH and size > SHRINKING * before
         held = before * problem.hold < EPSILON and size > STUCK * before
-        if size < ENOUGH or rough or (problem.hold and held):
+        if problem.hold and held:
+            return problem.at(_firmly(problem, state, level))
+        if size < ENOUGH or rough:
             return problem.at(state)
         before = size
     raise NotFoundError("the iteration does not converge", state)
+
+
+def _firmly(problem: Problem, state: State, level: Level) -> State:
+    """Return a state in which what only moves by rounding has stopped: its last motion bent all else."""
+    dz, change = correction(replace(problem, hold=FIRMER * problem.hold), state, level)
+    return State(state.z + dz, state.multipliers + change, problem.expecting(state, dz))
 
 
 def growing(share: float) -> Level:
