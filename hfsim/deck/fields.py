@@ -203,7 +203,7 @@ def matrix_of(counts: tuple[int, ...], dimension: Callable[..., str]) -> ReadBy:
 def _read_table(dimensions: tuple[str, str], value: object) -> tuple[tuple[float, ...], ...]:
     """Return rows of two numbers each, of which the first increases."""
     if not isinstance(value, list | tuple) or len(value) < _FEWEST_ROWS:
-        example = "[[-0.1, -50.0], [0.1, 80.0]]"
+        example = "[[-0.1, -50.0], [0, 0], [0.1, 80.0]]"
         raise refusal("must be a list of rows of two numbers, two rows or more", example)
     rows: list[tuple[float, ...]] = []
     for index, row in enumerate(value):

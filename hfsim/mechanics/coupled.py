@@ -10,6 +10,7 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
+from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.resistances import LinearSpring
 from hfsim.mechanics.ties import GapTie, Tie
@@ -21,8 +22,10 @@ NO_FORCE = LinearSpring(0.0)
 class CountingTie(GapTie):
     """An angle of which the turns are counted for others, without a force of its own."""
 
-    told: ClassVar[str] = "turns of an angle that a coupling counts"
+    told: ClassVar[str] = "turns of an angle"
+    why: ClassVar[str] = "a coupling counts them"
     measures: ClassVar[bool] = False
+    counts_for_others: ClassVar[bool] = True
 
     @property
     def holds(self) -> bool:
@@ -51,6 +54,17 @@ class CoupledTie(Tie):
     def markers(self) -> tuple[Marker, ...]:
         """All points."""
         return tuple(marker for part in self.parts for marker in part.markers)
+
+    @property
+    def angles(self) -> tuple[ForcePart, ...]:
+        """What measures the coordinates."""
+        return self.parts
+
+    def undirected(self, t: Array, x: Array) -> float:
+        """Return the size of the force on a distance whose points are in one place, but for rounding."""
+        pull = float(np.abs(self.effort(t, x, 0.0 * x)[0]))
+        meeting = (abs(factor) for factor, part in self._weighted if part.meets(x))
+        return pull * max(meeting, default=0.0)
 
     @cached_property
     def _weighted(self) -> tuple[tuple[float, Tie], ...]:

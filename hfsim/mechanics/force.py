@@ -109,6 +109,14 @@ class ForcePart:
         """What counts the turns of its `angle`, where the coordinates give that modulo a turn only."""
         return None
 
+    counts_for_others: ClassVar[bool] = False
+    """Whether it is there to count turns alone, for another force."""
+
+    @property
+    def angles(self) -> tuple[ForcePart, ...]:
+        """Itself, or the parts whose angles, and distances, it adds up."""
+        return (self,)
+
     def angle(self, x: Array) -> Array:
         """Return the angle that it depends on, maybe without its turns [rad], shape (n_batch,)."""
         raise NotImplementedError

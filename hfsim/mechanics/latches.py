@@ -138,7 +138,7 @@ class Latches(AlongSteps):
         """Go on to the end of a step; tell whether any catches there."""
         if not self._sides.any():
             return False
-        caught = np.flatnonzero(self._sides * self._beyond(np.array([t]), q[None])[0] < 0.0)
+        caught = np.flatnonzero(self._sides * self._past(np.array([t]), q[None])[0] < 0.0)
         for k in caught:
             self._all[k][1].take(t, 0.0)
         return len(caught) > 0
@@ -161,15 +161,15 @@ class Latches(AlongSteps):
 
     def looked(self, kind: Callable[..., Step], t: Any, h: Any, *start: Array) -> Array:
         """Return how far beyond its place each coordinate is along a step, (n_places, n_latches)."""
-        return self._beyond(t + h * PLACES, kind(t, h, *start).positions(PLACES))
+        return self._past(t + h * PLACES, kind(t, h, *start).positions(PLACES))
 
     def _closely(self, kind: Callable[..., Step], t: Any, h: Any, *given: Array) -> Array:
         """Return the same at shares that are given last."""
         *start, shares = given
         times = t + h * shares
-        return self._beyond(times, kind(t, h, *start).at(times)[0])
+        return self._past(times, kind(t, h, *start).at(times)[0])
 
-    def _beyond(self, t: Array, q: Array) -> Array:
+    def _past(self, t: Array, q: Array) -> Array:
         assert self._system is not None
         x = self._system.absolute(q)
         return np.stack([tie.measured(t, x)[0] - one.place for tie, one in self._all], axis=1)

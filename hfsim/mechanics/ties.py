@@ -107,6 +107,10 @@ class Tie(PointPart):
         w = self._rate(rows, u)
         return np.concatenate([s[:, None] - at, w[:, None] - rates], axis=1)
 
+    def meets(self, x: Array) -> bool:
+        """Tell whether the coordinate has no direction in one state."""
+        return False
+
     def measured(self, t: Array, x: Array) -> tuple[Array, list[Array]]:
         """Return the coordinate, shape (n_batch,), and its derivative by the coordinates of each moving end.
 
@@ -226,9 +230,13 @@ class DistanceTie(Tie):
 
     def undirected(self, t: Array, x: Array) -> float:
         """Return the size of the force where both points are in one place, but for rounding."""
+        return float(np.abs(self.effort(t, x, 0.0 * x)[0])) if self.meets(x) else 0.0
+
+    def meets(self, x: Array) -> bool:
+        """Tell whether both points are in one place, but for rounding, in one state."""
         (distance,), _ = self._line(x)
         far = max(float(np.abs(marker.position(x)).max()) for marker in self.markers)
-        return float(np.abs(self.effort(t, x, 0.0 * x)[0])) if distance <= TOGETHER * far else 0.0
+        return bool(distance <= TOGETHER * far)
 
     @cached_property
     def _signed(self) -> tuple[tuple[float, Marker], ...]:

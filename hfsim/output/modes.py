@@ -74,12 +74,13 @@ def state_warnings(found: Modes) -> Iterator[str]:
             "square by mass); modes are those of the moment: --about equilibrium, or steady, looks for a "
             "state that lasts"
         )
-    free = [mode.change.real for mode in found.modes if mode.free]
-    if found.about.state == "equilibrium" and free:
-        from hfsim.scene.equilibrium import one_of_many
+    free, scene = [mode.change.real for mode in found.modes if mode.free], found.about.scene
+    if found.about.state == "equilibrium":
+        from hfsim.scene.equilibrium import beyond_latches, one_of_many
 
-        scene = found.about.scene
-        yield one_of_many(scene, scene.system.reduction.free_rates(np.array(free)))
+        yield from beyond_latches(scene, found.about.motions.x[None])
+        if free:
+            yield one_of_many(scene, scene.system.reduction.free_rates(np.array(free)))
     if found.uneven:
         yield (
             "no steady rotation: what acts or holds, such as weight across the axis or a bearing that is not "

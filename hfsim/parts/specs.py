@@ -154,7 +154,7 @@ class SpringSpec(Spec):
         return {}
 
     def bind(self, *known: Mapping[str, Any]) -> None:
-        """Take note of these, of all joints and springs by name."""
+        """Take note of these, of all springs and joints by name: joints go before springs."""
 
     def coupling(self, parts: "Sequence[Tie]", start: Array) -> "ForcePart":
         """Return the force on what parts measure, in a scene with coordinates (n,) at the start."""

@@ -171,7 +171,8 @@ def _coupled(declared: Declared, path: Path, of: Any) -> Iterator[Complaint]:
     for key in of:
         name, _, coordinate = str(key).partition(".")
         if name not in every:
-            others = [one for one, (entry, kinds) in every.items() if measured(entry, kinds)]
+            own = (one for one, (entry, _) in every.items() if entry.get("type") != "coupling")
+            others = [one for one in own if measured(*every[one])]
             yield Complaint((*path, key), f"there is no joint or spring '{name}'", did_you_mean(name, others))
             continue
         units = measured(*every[name])

@@ -76,7 +76,8 @@ def _to_state(spec: Any, facing: Array) -> str:
 def _in_use(scene: Measured, path: str, spec: Any) -> bool:
     """Tell whether it matters where an angle is zero: it acts there, is stated, or a channel asks for it."""
     name, deck = path.partition(".")[2], scene.deck
-    if path.startswith("springs.") and spec.acts:
+    coupled = {key.partition(".")[0] for spring in deck.springs.values() for key in spring.on}
+    if name in coupled or (path.startswith("springs.") and spec.acts):
         return True
     kinds = [kind_of(one, deck) for one in deck.channels if one.partition(".")[0] == name]
     entry = deck.initial.get(name)

@@ -291,12 +291,7 @@ def doubts(scene: Assembled, found: Equilibrium, x: Array) -> Iterator[str]:
         return
     for item, what in undirected(scene.system, x[0]):
         yield f"{item} has {what}: neither frequencies, nor whether it is stable, are to be relied on"
-    for part in scene.system.forces:
-        if part.latches and _passed(part, x):
-            yield (
-                f"{part.item} rests beyond the place of its latch, which would have caught on the way: "
-                "start it at that place (initial), where it is caught, to see where it rests then"
-            )
+    yield from beyond_latches(scene, x)
     if not found.stable:
         time = 1.0 / float(np.sqrt(-found.values[0]))
         since = "" if found.crossed is None else f" from {found.crossed:.4g} of the loads on"
@@ -320,10 +315,17 @@ def doubts(scene: Assembled, found: Equilibrium, x: Array) -> Iterator[str]:
         yield "the scene has another place of rest: hfsim static --path leads there from a rest without loads"
 
 
-def _passed(part: ForcePart, x: Array) -> bool:
-    from hfsim.mechanics.latches import passed
+def beyond_latches(scene: Assembled, x: Array) -> Iterator[str]:
+    """Yield which latches are open though a state (1, n_x) is beyond their places."""
+    for part in scene.system.forces:
+        if part.latches:
+            from hfsim.mechanics.latches import passed
 
-    return passed(part, np.zeros(1), x)
+            if passed(part, np.zeros(1), x):
+                yield (
+                    f"{part.item} rests beyond the place of its latch, which would have caught on the way: "
+                    "start it at that place (initial), where it is caught, to see where it rests then"
+                )
 
 
 def _rests_with(scene: Assembled, models: dict[str, str], t: float) -> bool:

@@ -187,7 +187,8 @@ def _by_orientation(joint: JointSpec, known: Array, back: bool) -> Array | None:
 
 def _by_hinge(joint: JointSpec, known: Array, back: bool) -> Array | None:
     """Return the smallest rotation from the ground's axes that puts one body's axis on the other's."""
-    if not joint.follows_start or not joint.turns:
+    states = getattr(joint, "orientation", None) is not None
+    if not joint.follows_start or not joint.turns or states:
         return None
     return smallest_rotation(_axis(joint), known @ _axis(joint))
 

@@ -279,7 +279,7 @@ class Deck(Spec):
         beams = {k: b.in_space(n_dim) for k, b in self.bodies.items() if isinstance(b, BeamSpec)}
         object.__setattr__(self, "bodies", {**self.bodies, **beams})
         for spring in self.springs.values():
-            spring.bind(self.joints, self.springs)
+            spring.bind(self.springs, self.joints)
         filled = {**vars(self.output)}
         filled["interval"] = self.output.interval or self.solve.duration / 200
         filled["channels"] = self.output.channels or default_channels(self.bodies, n_dim)

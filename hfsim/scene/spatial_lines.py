@@ -47,12 +47,23 @@ def refusals(deck: Deck) -> Iterator[Complaint]:
         yield from _unmeasured(name, joint, (first, second), facings)
     for name, spring in deck.springs.items():
         on = [end for end in spring.points if split_point(end)[0] in lines]
-        if on and not spring.carries:
+        if on and not spring.carries and not spring.on:
             message = f"'{on[0]}' has no section whose turn could be measured: it is on a line"
             yield Complaint(("springs", name), message, f"{SECTIONS}, or two_point springs beside the axis")
+        for key, entry in spring.on.items():
+            if isinstance(entry, JointSpec) and not _fits(entry, key.partition(".")[2], lines, facings):
+                message = f"the angle of '{key}' is measured by the tangent alone: a line has no sections"
+                yield Complaint(("springs", name, "of", key), message, SECTIONS)
     for name, load in deck.loads.items():
         if load.owner in lines and (complaint := _following(load)):
             yield complaint.inside("loads", name)
+
+
+def _fits(joint: JointSpec, key: str, lines: Collection[str], facings: Facings) -> bool:
+    """Tell whether a coordinate of a joint, or the only one it has, can be measured on lines."""
+    ends = [split_point(end)[0] in lines for end in joint.between]
+    own = (held for name, held in joint.coordinates(*facings.of(joint)) if not key or name == key)
+    return any(held.fits(*ends) for held in own)
 
 
 def _unmeasured(

@@ -18,7 +18,6 @@ from hfsim.maths.arrays import Array, BoolArray, IntArray, magnitude
 from hfsim.maths.matrices import smallest_step
 from hfsim.maths.rank import null_space
 from hfsim.maths.rotations import freedoms, rotation, rotation_vector, wrap
-from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Twist
 from hfsim.scene.assembly import Assembly, Branches, Change, Placed, Turn
@@ -26,6 +25,7 @@ from hfsim.scene.beside import by_itself, taken_back
 from hfsim.scene.closing import CLOSED, Linkage
 from hfsim.scene.contradicted import cannot_close, contradicted, misfaced
 from hfsim.scene.handed_on import hand_on, hand_on_faces, hand_on_known_faces
+from hfsim.scene.least_rates import MOST_ROWS, follow_rates, least_turning, left_over, opened
 from hfsim.scene.stated import AT_START, Start, Stated
 
 TURN = 2.0 * np.pi
@@ -39,15 +39,10 @@ ROUGH_TURN = 0.2
 """The same where a joint or driver fixes the angle outright [rad]."""
 ROUGH_PLACE = 0.05
 """The same of a stated position, relative to the largest distance of a joint from what it is on."""
-APPROACH = 20
-"""Steps towards the places that are nearest to what is stated."""
-MOST_ROWS = 500
-"""Joint equations up to which spins are told from velocities that follow from them by dense algebra."""
-LIGHT, PASSES = 1e-4, 3
-"""Unit of spins in larger scenes, beside the size for velocities, and steps that such units take: spins are
-the smallest but for 1e-8 of them."""
 ROUGH_RATE = 0.05
 """The same of stated velocities, relative to the largest of their kind."""
+APPROACH = 20
+"""Steps towards the places that are nearest to what is stated."""
 
 
 def placed(start: Start) -> Placed:
@@ -293,7 +288,7 @@ def _nearest(link: Linkage, place: Stated, x: Array) -> Array:
     for _ in range(APPROACH if len(link.scales) <= MOST_ROWS else 0):
         J, gap = link.slopes(one[None], np.ones(len(x), dtype=bool))[0], link.gaps(one[None])[0]
         back = ((begin - one) / units)[guesses]
-        left = _left(J[:, others])
+        left = left_over(J[:, others])
         step = np.zeros(len(x))
         step[guesses] = back - smallest_step(left @ J[:, guesses], left @ (J[:, guesses] @ back + gap))
         step[others] = -smallest_step(J[:, others], gap + J @ step)
@@ -318,68 +313,23 @@ def _settle_rates(start: Start, J: Array, rates: Stated) -> None:
     """Change what is not stated until the joints hold, then guesses, as `_settle`."""
     link, values = start.linkage, rates.values
     none = CLOSED * max(1.0, magnitude(values / link.units))
-    before = _follow_rates(link, J, rates, none)
+    before = follow_rates(link, J, rates, none)
     missed, allowed = before / link.scales, tuple[Change, ...]()
     if magnitude(missed) >= none:
         guesses, others = rates.stated & ~rates.exact, ~rates.stated
         if len(J) <= MOST_ROWS:
-            left = _left(J[:, others])
-            values -= _least_turning(link, left @ J, guesses, left @ before)
+            left = left_over(J[:, others])
+            values -= least_turning(link, left @ J, guesses, left @ before)
             values[others] = 0.0
         else:
-            values -= _least_turning(link, J, guesses | others, before)
-        missed = _follow_rates(link, J, rates, none) / link.scales
+            values -= least_turning(link, J, guesses | others, before)
+        missed = follow_rates(link, J, rates, none) / link.scales
         allowed = _changes(start, rates, values)
     if magnitude(missed) >= none or any(change.rough > 1.0 for change in allowed):
         joint, size = link.largest_of(before / link.scales)
         if len(J) <= MOST_ROWS:
-            size = _opened(link, J, ~rates.stated, before, joint)
+            size = opened(link, J, ~rates.stated, before, joint)
         raise contradicted(start, rates, joint, size, allowed, before / link.scales)
-
-
-def _opened(link: Linkage, J: Array, free: BoolArray, gap: Array, joint: Constraint) -> float:
-    """Return by how much a joint misses the rates where all others hold, or nearly so [m/s or rad/s]."""
-    own = link.equations.rows[link.constraints.index(joint)]
-    others = np.ones(len(J), dtype=bool)
-    others[own] = False
-    return float(np.linalg.norm((gap - J @ _least_turning(link, J[others], free, gap[others]))[own]))
-
-
-def _follow_rates(link: Linkage, J: Array, rates: Stated, none: float) -> Array:
-    """Change what is not stated, velocities first, until gaps are none; return those that are left."""
-    values = rates.values
-    gap = J @ values + link.drift
-    again = PASSES if len(J) > MOST_ROWS else 1  # sparse factors leave more than rounding
-    for free in (~rates.stated & ~link.turns, *[~rates.stated] * again):
-        values -= _least_turning(link, J, free, gap)
-        gap = J @ values + link.drift
-        if magnitude(gap / link.scales) < none:
-            break
-    return gap
-
-
-def _least_turning(link: Linkage, J: Array, free: BoolArray, gap: Array) -> Array:
-    """Return rates (n,), zero where not free, that close gaps: with the smallest spins, then velocities.
-
-    One after the other: what both at once make smallest depends on the unit of length.
-    """
-    step, shifts, spins = np.zeros(len(free)), free & ~link.turns, free & link.turns
-    if spins.any() and len(J) <= MOST_ROWS:
-        left = _left(J[:, shifts])
-        step[spins] = smallest_step(left @ J[:, spins], left @ gap)
-    elif spins.any():
-        units = np.where(link.turns, LIGHT, link.size)[free]
-        rows, missed = J[:, free] * units / link.scales[:, None], gap / link.scales
-        for _ in range(PASSES):
-            step[free] += units * smallest_step(rows, missed - rows @ (step[free] / units))
-    step[shifts] += smallest_step(J[:, shifts], gap - J @ step)
-    return step
-
-
-def _left(J: Array) -> Array:
-    """Return the combinations of equations (k, m) that coordinates with derivatives (m, n) do not change."""
-    sides, sizes, _ = np.linalg.svd(J)
-    return np.asarray(sides[:, int(np.sum(sizes > CLOSED * sizes.max(initial=0.0))) :].T)
 
 
 def _changes(start: Start, given: Stated, values: Array) -> tuple[Change, ...]:

@@ -75,13 +75,14 @@ def hand_over(old: Scene, new: Scene, path: Trajectory) -> tuple[Scene, float]:
 def _hand_turns(old: System, new: System, t: Array, x: Array) -> None:
     """Say of springs which turns their angles are in, and what caught, from a state (1, n) of the old one."""
     before = {part.item: part for part in old.forces}
-    for part in new.forces:
+    for part in (one for one in new.forces if not one.counts_for_others):
         for latch, known in zip(part.latches, before[part.item].latches if part.latches else (), strict=True):
             latch.take(float(known.since[0]), float(known.side[0]))
-        if part.counter is not None:
-            same = before[part.item]
-            angle = same.angle(x) if same.counter is None else same.counter.counted(t, same.angle(x))
-            part.counter.suppose(float(t[0]), float(angle[0]))
+        for k, one in enumerate(part.angles):
+            if one.counter is not None:
+                same = before[part.item].angles[k]
+                angle = same.angle(x) if same.counter is None else same.counter.counted(t, same.angle(x))
+                one.counter.suppose(float(t[0]), float(angle[0]))
 
 
 def _motion(body: Body, x: Array, u: Array) -> tuple[Pose, Twist]:

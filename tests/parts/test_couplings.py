@@ -120,6 +120,68 @@ def test_full_turns_at_the_start_and_distances_count():
     assert rest["teeth.torque"][0] == 0.0 and rest["shaft.angle"][0] == pytest.approx(np.radians(-200))
 
 
+AUTO = """
+hfsim: 1
+materials: {steel: {density: 7800, youngs_modulus: 2.0e11, bending_damping: 1.0e-4}}
+sections: {square: {shape: rectangle, width: 2 cm, height: 2 cm}}
+bodies:
+  hub: {type: rigid, mass: 2, inertia: 1.0, points: {rim: [0.2, 0]}}
+  arm: {type: beam, material: steel, section: square, length: 1, elements: 3}
+joints:
+  axle: {type: revolute, between: [ground, hub]}
+  flap: {type: revolute, between: [hub.rim, arm.root], latch: {angle: 10 deg, stiffness: 2000, damping: 1}}
+springs: {belt: {type: coupling, of: {axle: 1, flap: 0.5}, stiffness: 0.01}}
+initial: {flap: {angle: 0, angular_velocity: 0.5}, hub: {angle: 0}}
+loads:
+  push: {type: moment, at: hub.rim, moment: 600, law: {type: smooth_step, from: 0, to: 1, start: 1, end: 1.2}}
+solve: {duration: 1.6, model: auto}
+output: {channels: [axle.angle, flap.angle, belt.angle]}
+"""
+ON_LINES = """
+hfsim: 1
+gravity: [0.0, 0.0, -9.81]
+materials: {rubber: {density: 1100, youngs_modulus: 5 MPa}}
+sections: {round: {shape: circle, diameter: 3 cm}}
+ground: {points: {far: [2.0, 0.5, 0.0]}}
+bodies:
+  rod: {type: beam, element: cable, material: rubber, section: round, length: 1.0, elements: 2}
+  wheel: {type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1]}
+joints:
+  hook: {type: spherical, between: [ground, rod.root]}
+  axle: {type: revolute, between: [ground.far, wheel]}
+springs:
+  rope: {type: two_point, between: [rod.tip, ground.far], stiffness: 1.0}
+  winch: {type: coupling, of: {rope: 5, axle: 1}, stiffness: 20}
+solve: {duration: 0.2}
+output: {channels: [rope.distance, axle.angle, winch.angle, energy.total]}
+"""
+
+
+def test_turns_that_only_a_later_model_needs_counted_are_handed_on():
+    auto = hfsim.run(parsed(AUTO), error_estimate=False)
+    exact = hfsim.run(parsed(AUTO), {"solve.model": "exact"}, error_estimate=False)
+    assert auto.statistics["auto"]["switches"] and auto["axle.angle"][-1] > 6.0 * np.pi
+    for name in ("axle.angle", "belt.angle"):
+        assert auto[name][-1] == pytest.approx(exact[name][-1], rel=1e-3)
+
+
+def test_distances_to_lines_are_coupled_and_angles_about_their_tangent_are_not():
+    run = hfsim.run(parsed(ON_LINES), error_estimate=False)
+    moved = 5.0 * run["rope.distance"] + run["axle.angle"]
+    np.testing.assert_allclose(run["winch.angle"], moved, atol=1e-9)
+    assert run.statistics["energy_drift"] < 1e-6
+    along = ON_LINES.replace("{type: spherical,", "{type: revolute, axis: [1, 0, 0],")
+    with pytest.raises(DeckError) as caught:
+        build(parsed(along.replace("rope: 5", "hook: 5")))
+    assert "springs.winch.of.hook: the angle of 'hook' is measured by the tangent alone" in str(caught.value)
+
+
+def test_a_distance_without_direction_is_warned_of():
+    text = ON_LINES.replace("far: [2.0, 0.5, 0.0]", "far: [1.0, 0.0, 0.0]")
+    text = text.replace("stiffness: 20", "stiffness: 20, rest_angle: 1")
+    assert any("springs.winch" in one and "no direction" in one for one in build(parsed(text)).warnings)
+
+
 @pytest.mark.parametrize(
     ("of", "told"),
     [

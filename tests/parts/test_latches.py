@@ -13,6 +13,7 @@ import hfsim
 from hfsim.errors import DeckError
 from hfsim.marching.integration import run_integration
 from hfsim.mechanics import latches
+from hfsim.output.modes import state_warnings
 from hfsim.scene.build import build
 from hfsim.studies.static import run_static
 
@@ -151,6 +152,8 @@ def test_a_rest_beyond_an_open_latch_is_told():
     beyond = run_static(parsed(FLAP))
     assert beyond.final["hinge.angle"] == pytest.approx(np.radians(120))
     assert "joints.hinge rests beyond the place of its latch" in "".join(beyond.statistics["warnings"])
+    told = "".join(state_warnings(hfsim.modes(parsed(FLAP), about="equilibrium")))
+    assert "joints.hinge rests beyond the place of its latch" in told
     held = hfsim.static(parsed(FLAP), AT_ITS_PLACE)
     assert held.final["hinge.angle"] == pytest.approx((500 * PLACE + 0.2 * np.radians(120)) / 500.2)
     assert not held.statistics["warnings"]

@@ -134,3 +134,23 @@ def test_what_closes_with_an_axis_turned_over_alone_is_told_so_not_by_a_gap_of_r
         scene(OVERTURNED)
     (problem,) = refusal.value.problems
     assert problem.path == "joints.h" and "state orientations" in problem.hint
+
+
+@pytest.mark.parametrize("order", [("h", "k"), ("k", "h")])
+def test_an_orientation_along_a_chain_holds_whatever_the_order_of_joints(order):
+    joints = {
+        "h": "{type: revolute, between: [ground, a]}",
+        "k": "{type: revolute, between: [a.tip, b.root], orientation: {angle: 90 deg, axis: [0, 0, 1]}}",
+    }
+    text = """hfsim: 1
+bodies:
+  a: {type: rigid, mass: 1, inertia: [0.01, 0.1, 0.1], points: {tip: [0.5, 0, 0]}}
+  b: {type: rigid, mass: 1, inertia: [0.01, 0.1, 0.1], points: {root: [-0.5, 0, 0]}}
+joints: {%s}
+solve: {duration: 0.5}
+output: {channels: [h.angle, k.angle]}
+"""
+    found = scene(text % ", ".join(f"{name}: {joints[name]}" for name in order))
+    x = found.system.absolute(found.q[None])
+    angles = [found.coordinate(name, "rad").measured(np.zeros(1), x)[0][0] for name in "hk"]
+    assert angles == pytest.approx([0.0, 0.0], abs=1e-12)
