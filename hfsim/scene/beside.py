@@ -7,7 +7,7 @@ import numpy as np
 from hfsim.maths.arrays import Array, BoolArray
 from hfsim.scene.closing import BESIDE, CLOSED
 from hfsim.scene.handed_on import hand_on_level
-from hfsim.scene.loops import GROUND, Loops
+from hfsim.scene.loops import GROUND, Loops, ends_of
 from hfsim.scene.stated import Start, Stated
 
 
@@ -38,7 +38,7 @@ def taken_back(start: Start, place: Stated, x: Array) -> Array:
 
     These are in no loop that shifts alone leave open; where they hang on such loops, they are turned least.
     """
-    link, ends, loops = start.linkage, _ends(start), _loops(start, place)
+    link, ends, loops = start.linkage, ends_of(start.linkage), _loops(start, place)
     origins = ~place.stated & ~link.turns
     begin = link.descend(by_itself(start, place, x)[None], origins)
     gaps = np.abs(link.gaps(begin)[0])
@@ -61,10 +61,4 @@ def _loops(start: Start, place: Stated) -> Loops:
     """Return the loops of a scene, closed too by what is stated of bodies: they are as if on the ground."""
     stated = place.stated.reshape(len(start.names), -1)
     held = np.flatnonzero((stated if start.n_dim == 3 else stated[:, : start.n_dim]).any(axis=1))
-    return Loops.of(len(stated), [*_ends(start), *((GROUND, int(k)) for k in held)])
-
-
-def _ends(start: Start) -> list[list[int]]:
-    """Return which bodies, or the ground, each constraint is between."""
-    owners = ([start.linkage.owner(marker) for marker in c.ends] for c in start.linkage.constraints)
-    return [[GROUND if k is None else k for k in ends] for ends in owners]
+    return Loops.of(len(stated), [*ends_of(start.linkage), *((GROUND, int(k)) for k in held)])

@@ -26,9 +26,8 @@ from hfsim.parts.bodies.models import MODELS, Model
 from hfsim.scene.acting import acting, thrown
 from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Linkage
-from hfsim.scene.doubtful import doubtful
 from hfsim.scene.facing import Facings
-from hfsim.scene.freedom import FreeMotion, free_motions
+from hfsim.scene.freedom import FreeMotion, free_motions, slips
 from hfsim.scene.gauging import gauge_of
 from hfsim.scene.joining import joints_of, linkage_of, start_of
 from hfsim.scene.loading import LoadedDeck
@@ -134,10 +133,18 @@ class Scene:
         found = [*self.loaded.warnings, *self.assembly.warnings()]
         resting = [self.bodies[name] for name in self.deck.resting if name in self.bodies]
         off = thrown(self.system, self.system.absolute(self.q[None])[0], resting)
-        for path, what in (*doubtful(self), *self.redundancy.told(self.loaded), *self._not_borne(), *off):
+        for path, what in (*self._doubtful(), *self.redundancy.told(self.loaded), *self._not_borne(), *off):
             line = self.loaded.line_of(path)
             found.append(f"{path}{f' (line {line})' if line else ''}: {what}")
         return [*found, *self.rest]
+
+    def _doubtful(self) -> Iterator[tuple[str, str]]:
+        """Yield, with the deck path, what of the start hardly can be meant."""
+        yield from slips(self.deck, self.assembly, self.free_motions or [])
+        if self.deck.springs or self.deck.dimension == 3:
+            from hfsim.scene.doubtful import doubtful
+
+            yield from doubtful(self)
 
     def _not_borne(self) -> Iterator[tuple[str, str]]:
         """Yield, with the deck path, what lines without sections would need them for."""

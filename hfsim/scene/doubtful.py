@@ -1,4 +1,4 @@
-"""What of a start hardly can be meant: free motions, angles whose zero nothing says, springs wound up."""
+"""What of angles at the start hardly can be meant: a zero that nothing says, springs wound up."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import numpy as np
 from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array, magnitude
 from hfsim.maths.rotations import rotation_vector
+from hfsim.mechanics.directions import THIRD
 from hfsim.parts.channels import kind_of
 from hfsim.scene.assembly import listed
-from hfsim.scene.freedom import slips
+from hfsim.scene.facing import axis_of
 from hfsim.scene.initial import InitialSpec
-from hfsim.scene.loops import GROUND, Loops
+from hfsim.scene.loops import GROUND, Loops, ends_of
 from hfsim.scene.measured import Measured
 from hfsim.scene.posed import left_free
 
@@ -26,13 +27,11 @@ UNMOVED = 1e-9
 """Part of the largest rate in a motion that counts as none."""
 MOST_COORDINATES = 600
 """Coordinates of frames up to which it is asked what motions nothing states."""
-THIRD = (0.0, 0.0, 1.0)
 
 
 def doubtful(scene: Measured) -> Iterator[tuple[str, str]]:
     """Yield, with the deck path it is about, what hardly can be meant."""
     deck = scene.deck
-    yield from slips(deck, scene.assembly, scene.free_motions or [])
     turned: list[tuple[str, Any]]
     turned = [(f"springs.{name}", spring) for name, spring in deck.springs.items() if _turned(spring)]
     yield from _wound(scene, turned)
@@ -57,7 +56,7 @@ def _without_zero(scene: Measured, entries: Sequence[tuple[str, Any]]) -> Iterat
         lines = not all(scene.deck.bodies[name].sectioned for name in {a, b} - {"ground"})
         if lines or not _in_use(scene, path, spec):
             continue
-        facing, axis, zero = _frame(scene, a).T @ _frame(scene, b), _axis(spec), _zero(spec)
+        facing, axis, zero = _frame(scene, a).T @ _frame(scene, b), axis_of(spec), _zero(spec)
         if np.linalg.norm(facing.T @ axis + zero.T @ axis) < OPPOSITE:
             message = f"nothing says where this angle is zero: its axis points the opposite way in '{b}'"
             yield path, f"{message} ({_to_state(spec, facing)})"
@@ -99,11 +98,6 @@ def _frame(scene: Measured, body: str) -> Array:
     return np.eye(3) if pose is None else np.stack([pose.turned(e) for e in np.eye(3)], axis=1)
 
 
-def _axis(spec: Any) -> Array:
-    axis = np.asarray(spec.axis or THIRD)
-    return np.asarray(axis / np.linalg.norm(axis))
-
-
 def _zero(spec: Any) -> Array:
     stated = getattr(spec, "orientation", None)
     return np.eye(3) if stated is None else np.asarray(stated.matrix)
@@ -139,8 +133,7 @@ def _wound(scene: Measured, springs: Sequence[tuple[str, Any]]) -> Iterator[tupl
 def _outer_open(scene: Measured, bodies: Sequence[str]) -> bool:
     """Tell whether nothing states how that of two bodies is turned which is farther from the ground."""
     link, names = scene.assembly.linkage, list(scene.assembly.poses)
-    ends = [[GROUND if k is None else k for k in map(link.owner, c.ends)] for c in link.constraints]
-    depth = Loops.of(len(names), ends).depth
+    depth = Loops.of(len(names), ends_of(link)).depth
     (inner, _), (outer, name) = sorted(
         (depth[names.index(one) if one in names else GROUND], one) for one in bodies
     )
@@ -176,4 +169,4 @@ def _about(scene: Measured, bodies: Sequence[str], tie: Any) -> Array:
     """Return the axis (3,) of an angle at the start, in ground axes."""
     if scene.deck.dimension == 2:
         return np.asarray(THIRD)
-    return np.asarray(_frame(scene, bodies[0]) @ _axis(tie))
+    return np.asarray(_frame(scene, bodies[0]) @ axis_of(tie))

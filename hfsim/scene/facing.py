@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from copy import copy
 from functools import cached_property
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -116,7 +116,7 @@ class Facings:
         if not any(pair == {split_point(end)[0] for end in one.between} for one in hinges):
             return None
         angle = float(joint.angle.build().value(np.zeros(1))[0])  # type: ignore[attr-defined]
-        turn = rotation(angle * _axis(joint)) @ _held(joint)
+        turn = rotation(angle * axis_of(joint)) @ _held(joint)
         return known @ (turn.T if back else turn)
 
     @cached_property
@@ -144,7 +144,7 @@ class Facings:
         if not self._start or line or joint.turns or not joint.follows_start:
             return (stated,)
         A, B = (rotation(self._start[body].turn) if body in self._start else LEVEL for body in (a, b))
-        moved = np.linalg.norm((A.T @ B - stated).T @ _axis(joint)) > ROUNDING
+        moved = np.linalg.norm((A.T @ B - stated).T @ axis_of(joint)) > ROUNDING
         return (A.T @ B if moved else stated,)
 
 
@@ -190,10 +190,11 @@ def _by_hinge(joint: JointSpec, known: Array, back: bool) -> Array | None:
     states = getattr(joint, "orientation", None) is not None
     if not joint.follows_start or not joint.turns or states:
         return None
-    return smallest_rotation(_axis(joint), known @ _axis(joint))
+    return smallest_rotation(axis_of(joint), known @ axis_of(joint))
 
 
-def _axis(joint: JointSpec) -> Array:
+def axis_of(joint: Any) -> Array:
+    """Return the axis of a joint or a spring in A's frame, (3,), of unit length."""
     axis = np.asarray(getattr(joint, "axis", None) or (0.0, 0.0, 1.0), dtype=float)
     return np.asarray(axis / np.linalg.norm(axis))
 

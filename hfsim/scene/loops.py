@@ -6,8 +6,15 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations
 
 from hfsim.maths.frozen import frozen
+from hfsim.scene.closing import Linkage
 
 GROUND = -1
+
+
+def ends_of(linkage: Linkage) -> list[list[int]]:
+    """Return which bodies, or the ground, each constraint is between."""
+    owners = ([linkage.owner(marker) for marker in c.ends] for c in linkage.constraints)
+    return [[GROUND if k is None else k for k in ends] for ends in owners]
 
 
 @frozen

@@ -21,7 +21,6 @@ from hfsim.maths.rotations import freedoms, rotation, rotation_vector, wrap
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Twist
 from hfsim.scene.assembly import Assembly, Branches, Change, Placed, Turn
-from hfsim.scene.beside import by_itself, taken_back
 from hfsim.scene.closing import CLOSED, Linkage
 from hfsim.scene.contradicted import cannot_close, contradicted, misfaced
 from hfsim.scene.handed_on import hand_on, hand_on_faces, hand_on_known_faces
@@ -136,8 +135,12 @@ def _settle(start: Start, place: Stated) -> tuple[dict[str, Turn], Branches]:
     """
     link, x, free = start.linkage, place.values, ~place.stated
     shifts = free & ~link.turns
-    alone = x if link.closes(x, shifts) else by_itself(start, place, x)
-    if alone is x or link.closes(alone, shifts):
+    if link.closes(x, shifts):
+        return {}, partial(_told_ways, start, place, free)
+    from hfsim.scene.beside import by_itself, taken_back
+
+    alone = by_itself(start, place, x)
+    if link.closes(alone, shifts):
         x[:] = alone
         return {}, partial(_told_ways, start, place, free)
     begin, unknown = x.copy(), start.turns_of(place.open).any(axis=1)
