@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
@@ -42,9 +42,6 @@ class Measured(Assembled, Protocol):
 
     def coordinate(self, name: str, unit: str) -> Any:
         """Return what measures the angle or the distance of a joint or a spring, if anything."""
-
-    def kept(self, key: tuple[Any, ...], find: Callable[[], Any]) -> Any:
-        """Return what is found under a key, once."""
 
 
 def ties_of(scene: Measured, name: str) -> tuple[Tie, ...]:
