@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import field, replace
 from functools import cached_property
@@ -166,11 +166,15 @@ class Problem:
 
     def begin(self) -> State:
         """Return the start, with all turns as they were there."""
-        for part, angle in self.counted:
-            if part.counter is not None:
-                part.counter.suppose(float(self.t[0]), angle)
+        self._suppose(self.counted)
         self.restart()
         return self.start
+
+    def _suppose(self, angles: Iterable[tuple[ForcePart, float]]) -> None:
+        """Say where angles are."""
+        for part, angle in angles:
+            if part.counter is not None:
+                part.counter.suppose(float(self.t[0]), angle)
 
     @contextmanager
     def apart(self) -> Iterator[Problem]:
@@ -185,22 +189,19 @@ class Problem:
 
     def starting(self, state: State) -> Problem:
         """Return the problem of going on from a state, with the turns that have been counted so far."""
+        return replace(self, start=state, counted=list(self._turned(state)))
+
+    def _turned(self, state: State) -> Iterator[tuple[ForcePart, float]]:
+        """Yield the angles whose turns are counted, where they are in a state."""
         x = self.expand(state.z)
-        known = [
-            (part, float(part.counter.counted(self.t, part.angle(x))[0]))
-            for part, _ in self.counted
-            if part.counter is not None
-        ]
-        return replace(self, start=state, counted=known)
+        for part, _ in self.counted:
+            if part.counter is not None:
+                yield part, float(part.counter.counted(self.t, part.angle(x))[0])
 
     def note(self, load: float, state: State) -> None:
         """Keep a state: tell of it, and count the turns of angles."""
         self.watch(load, state)
-        x = self.expand(state.z)
-        for part, _ in self.counted:
-            if part.counter is not None:
-                angle = float(part.counter.counted(self.t, part.angle(x))[0])
-                part.counter.suppose(float(self.t[0]), angle)
+        self._suppose(self._turned(state))
 
     def expand(self, z: Array) -> Array:
         """Return the coordinates of free ones (n_batch, n)."""
