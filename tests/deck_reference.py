@@ -216,8 +216,13 @@ def quantity(schema: dict[str, Any]) -> str:
     one, *others = schema.get("anyOf", [schema])
     unit = schema["x-unit"].strip("-")
     lists = [form for form in others if form.get("type") == "array"]
-    sizes = "".join(f", or {form['minItems']}" + (" rows of 3" if form is not lists[0] else "") for form in lists)
+    sizes = "".join(f", or {counts(form)}" + (" rows of 3" if form is not lists[0] else "") for form in lists)
     return f"{unit or 'number'}{bounds(one)}{sizes}"
+
+
+def counts(schema: dict[str, Any]) -> str:
+    """Return how many entries a list may have."""
+    return " or ".join(map(str, dict.fromkeys((schema["minItems"], schema["maxItems"]))))
 
 
 def bounds(schema: dict[str, Any]) -> str:

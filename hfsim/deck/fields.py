@@ -164,18 +164,19 @@ _triple = Before(partial(entries, counts=(3,), what="numbers"))
 SpatialAngle = Annotated[tuple[Angle, ...], _triple]
 
 
-def _one_or_list(count: int, dimension: str, bounds: Mapping[str, float], value: object) -> object:
-    """Return a number, or as many as are wanted in space."""
+def _one_or_list(
+    counts: tuple[int, ...], dimension: str, bounds: Mapping[str, float], value: object
+) -> object:
+    """Return a number, or as many as are wanted."""
     read = partial(_read_number, dimension, bounds)
     if not isinstance(value, list | tuple):
         return read(value)
-    return tuple(read(one) for one in entries(value, (count,), "numbers"))  # type: ignore[attr-defined]
+    return tuple(read(one) for one in entries(value, counts, "numbers"))  # type: ignore[attr-defined]
 
 
-def one_or_list(count: int, dimension: str, **bounds: float) -> ReadBy:
+def one_or_list(*counts: int, of: str, **bounds: float) -> ReadBy:
     """Return what reads a number of a dimension, or a list of so many, as `measures` does."""
-    read = partial(_one_or_list, count, dimension, bounds)
-    return ReadBy(read, quantity=dimension, count=count, **bounds)
+    return ReadBy(partial(_one_or_list, counts, of, bounds), quantity=of, count=counts, **bounds)
 
 
 def _read_matrix(counts: tuple[int, ...], dimension: Callable[..., str], value: object) -> object:
@@ -267,11 +268,11 @@ def flat(values: Iterable[object]) -> Iterator[float]:
         yield from value if isinstance(value, tuple) else (float(value),)  # type: ignore[arg-type]
 
 
-Inertia = Annotated[Any, ReadBy(_read_inertia, quantity="inertia", count=3, rows=3)]
+Inertia = Annotated[Any, ReadBy(_read_inertia, quantity="inertia", count=(3,), rows=(3,))]
 """A number, three of them, or three rows of three [kg m^2]."""
 
-Spin = Annotated[float | tuple[float, ...], one_or_list(3, "angular_velocity")]
-Torque = Annotated[float | tuple[float, ...], one_or_list(3, "moment")]
+Spin = Annotated[float | tuple[float, ...], one_or_list(3, of="angular_velocity")]
+Torque = Annotated[float | tuple[float, ...], one_or_list(3, of="moment")]
 
 
 _SHORTEST_AXIS = 1e-12

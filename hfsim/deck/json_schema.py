@@ -77,7 +77,7 @@ def _quantity(shape: Mapping[str, Any]) -> dict[str, Any]:
     forms = list(one)
     for key in ("count", "rows"):
         if key in shape:
-            size = {"minItems": shape[key], "maxItems": shape[key]}
+            size = {"minItems": min(shape[key]), "maxItems": max(shape[key])}
             items: dict[str, Any] = {"anyOf": one} if key == "count" else forms[-1]
             forms.append({"type": "array", "items": items, **size})
     return {"anyOf": forms, "x-unit": SI_UNITS[shape["quantity"]]}

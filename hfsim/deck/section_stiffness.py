@@ -30,7 +30,7 @@ class MassSection(Spec):
     mass_per_length: Annotated[float, measures("mass_per_length", above=0)]
     """Mass per length [kg/m]."""
 
-    rotary_inertia: Annotated[Any, one_or_list(3, "inertia_per_length", above=0)]
+    rotary_inertia: Annotated[Any, one_or_list(3, of="inertia_per_length", above=0)]
     """Moment of inertia per length about the axis across the plane; in space a list: about the beam's axis,
     the section's y and its z axis [kg m]."""
 
@@ -88,13 +88,13 @@ class StiffnessSection(MassSection):
     axial_stiffness: Annotated[float, measures("force", above=0)]
     """EA [N]."""
 
-    shear_stiffness: Annotated[Any, one_or_list(2, "force", above=0)]
+    shear_stiffness: Annotated[Any, one_or_list(2, of="force", above=0)]
     """k G A; in space a list: of shear along y and along z [N]."""
 
     torsion_stiffness: Annotated[float, measures("flexural_rigidity", above=0)] | None = None
     """In space: GJ [N m^2]."""
 
-    bending_stiffness: Annotated[Any, one_or_list(2, "flexural_rigidity", above=0)]
+    bending_stiffness: Annotated[Any, one_or_list(2, of="flexural_rigidity", above=0)]
     """EI; in space a list: of bending about y and about z [N m^2]."""
 
     def complaints_in(self, around: Around) -> Iterator[Complaint]:

@@ -224,7 +224,7 @@ class Stepping:
             self._problem.edges.recall(self._kept["edges"]())
         else:
             turns.start(path.t_end, path.q, path.v)
-            self._problem.edges.start(path.t_end, path.q)
+            self._problem.edges.start(path.t_end, path.q, path.v)
         stepper = self._started()
         self._wish = stepper.first
         if remembered:
@@ -244,6 +244,9 @@ class Stepping:
         self._behind_break = k > 1
         if self._behind_break:
             stepper.cross()
+            if self._problem.edges.keep(t, self.path.q, self.path.v):
+                stepper = self._restarted()
+                self._wish = stepper.first
         reach = min(max(fixed or self._wish, before), self._t_end - t)
         stepper.reach = self._reach = reach if reach > self._stretch[1] - t else 0.0
         changes = fixed is not None or bool(before) != bool(self._reach)
@@ -324,7 +327,7 @@ class Stepping:
         path.t_end, path.q, path.v = t, attempt.q, attempt.v
         self._problem.turns.keep(t)
         self._behind_break = False
-        if self._problem.edges.keep(t, path.q):
+        if self._problem.edges.keep(t, path.q, path.v):
             self._wish = self._restarted().first
         self._rechart()
         self._problem.often.expect(t, h, self._wish)

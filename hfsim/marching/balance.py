@@ -252,8 +252,9 @@ def _work(scene: Scene, steps: StepSamples) -> Array:
     It is not a number where the equations are singular.
     """
     system = scene.system
+    lost = _lost(system, steps.t)
     if not system.exchanges_power:
-        return np.zeros(len(steps.t))
+        return -lost
     mean, points = np.zeros(len(steps.t) - 1), len(steps.shares)
     replaying = Replaying(scene.recordings, points, len(mean), system.n)
     project = partial(system.project, through=replaying.through)
@@ -272,4 +273,14 @@ def _work(scene: Scene, steps: StepSamples) -> Array:
             mean[part] = power.reshape(-1, points) @ steps.weights
         except np.linalg.LinAlgError:
             return np.full(len(steps.t), np.nan)
-    return np.concatenate([[0.0], np.cumsum(mean * np.diff(steps.t))])
+    return np.concatenate([[0.0], np.cumsum(mean * np.diff(steps.t))]) - lost
+
+
+def _lost(system: System, t: Array) -> Array:
+    """Return the energy that events have taken since the first of some times [J]."""
+    if not any(part.events for part in system.forces):
+        return np.zeros(len(t))
+    from hfsim.mechanics.once import lost
+
+    gone = lost(system.forces, t)
+    return np.asarray(gone - gone[0])

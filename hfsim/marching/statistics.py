@@ -35,15 +35,21 @@ def leg_statistics(leg: Leg) -> dict[str, Any]:
         **_numbers(leg.done.trajectory.numbers),
         "models": leg.scene.models,
         "assembly": leg.scene.assembly.facts(),
-        **_caught(system.forces),
+        **_happened(system.forces),
         **leg.record.balance.facts(),
     }
 
 
-def _caught(forces: Sequence[ForcePart]) -> dict[str, Any]:
-    """Return when each latch caught [s], None of open ones, by what has it."""
-    found = {part.item: float(one.since[0]) for part in forces for one in part.latches}
-    return {"latches": {item: t if np.isfinite(t) else None for item, t in found.items()}} if found else {}
+def _happened(forces: Sequence[ForcePart]) -> dict[str, Any]:
+    """Return when each latch caught and each spring let go [s], None if it has not, by what it is of."""
+    found: dict[str, dict[str, float | None]] = {}
+    if any(part.events for part in forces):
+        from hfsim.mechanics.once import events_of
+
+        for event, ties in events_of(forces):
+            t = float(event.since[0])
+            found.setdefault(event.told, {})[event.item(ties)] = t if np.isfinite(t) else None
+    return found
 
 
 def joined(parts: Sequence[dict[str, Any]]) -> dict[str, Any]:

@@ -151,7 +151,7 @@ class Together:
         path.segments += steps
         path.t_end = t
         self.problem.turns.along(steps, (t, path.q, path.v))
-        self.problem.edges.along(steps, (t, path.q))
+        self.problem.edges.along(steps, (t, path.q, path.v))
         for part, _ in paths:
             part.segments = [step for step in part.segments if step.t + step.h > t]
 

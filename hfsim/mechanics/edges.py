@@ -1,6 +1,6 @@
 """Where forces change their form: steps end there, for what lies beyond is not in what came before.
 
-What holds from then on, for good, is a latch (`hfsim.mechanics.latches`).
+What changes them once, for good, are events (`hfsim.mechanics.events`).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from hfsim.mechanics.projection import Through, directly
 from hfsim.mechanics.system import System
 
 if TYPE_CHECKING:
-    from hfsim.mechanics.latches import Latches
+    from hfsim.mechanics.events import Events
 
 NEAR = 1e-3
 """Share of a step up to which an edge counts as its start."""
@@ -37,39 +37,39 @@ class Edges(AlongSteps):
     def __init__(self, system: System | None = None, through: Through = directly) -> None:
         super().__init__(system, through)
         self._parts = () if system is None else tuple(part for part in system.forces if part.has_edges)
-        self._latches = None if system is None else _latches(system, through)
+        self._events = None if system is None else _events(system, through)
 
     def __bool__(self) -> bool:
         """Tell whether there are any."""
-        return bool(self._parts) or self._latches is not None
+        return bool(self._parts) or self._events is not None
 
-    def start(self, t: float, q: Array) -> None:
+    def start(self, t: float, q: Array, v: Array) -> None:
         """Begin to follow a motion in a state (n,)."""
-        if self._latches is not None:
-            self._latches.start(t, q)
+        if self._events is not None:
+            self._events.start(t, q, v)
 
-    def keep(self, t: float, q: Array) -> bool:
-        """Go on to the end of a step; tell whether a latch catches there."""
-        return self._latches is not None and self._latches.keep(t, q)
+    def keep(self, t: float, q: Array, v: Array) -> bool:
+        """Go on to the end of a step; tell whether an event happens there."""
+        return self._events is not None and self._events.keep(t, q, v)
 
-    def along(self, steps: Sequence[Step], end: tuple[float, Array]) -> None:
-        """Go on along steps that others have made, up to a state (t, q)."""
-        if self._latches is not None:
-            self._latches.along([*((step.t, step.q) for step in steps), end])
+    def along(self, steps: Sequence[Step], end: tuple[float, Array, Array]) -> None:
+        """Go on along steps that others have made, up to a state (t, q, v)."""
+        if self._events is not None:
+            self._events.along([*((step.t, step.q, step.v) for step in steps), end])
 
     def kept(self) -> Callable[[], dict[str, Array]]:
         """Return what tells the memory of now, also when the motion has gone on."""
-        return dict if self._latches is None else self._latches.kept()
+        return dict if self._events is None else self._events.kept()
 
     def recall(self, memory: Mapping[str, Array]) -> None:
         """Go on with a motion that was put down, or has gone back to where it was kept last."""
-        if self._latches is not None and memory:
-            self._latches.recall(memory)
+        if self._events is not None and memory:
+            self._events.recall(memory)
 
     def first(self, step: Step) -> float:
         """Return after what time a tried step meets its first edge [s]; its length, if none is far inside."""
-        caught = step.h if self._latches is None else self._latches.first(step)
-        return min(caught, self._met_first(step)) if self._parts else caught
+        happens = step.h if self._events is None else self._events.first(step)
+        return min(happens, self._met_first(step)) if self._parts else happens
 
     def _met_first(self, step: Step) -> float:
         found = _between(LOOKED_AT, self._look("edges", self.looked, step))
@@ -88,7 +88,7 @@ class Edges(AlongSteps):
     def met(self, kind: Callable[..., Step], t: Any, h: Any, *start: Array) -> Array:
         """Return whether a step meets any: one or zero, shape ()."""
         step = t, h, *start
-        found = [] if self._latches is None else [self._latches.met(kind, *step)]
+        found = [] if self._events is None else [self._events.met(kind, *step)]
         found += [meets(self.looked(kind, *step))] if self._parts else []
         return found[0] if len(found) == 1 else np.asarray(np.maximum(*found))
 
@@ -110,13 +110,13 @@ class Edges(AlongSteps):
         return np.asarray(np.where(np.abs(beyond) > noise * np.abs(x).max(), beyond, 0.0))
 
 
-def _latches(system: System, through: Through) -> Latches | None:
-    """Return what follows the latches of a system, if it has any."""
-    if not any(part.latches for part in system.forces):
+def _events(system: System, through: Through) -> Events | None:
+    """Return what follows the events of a system, if it has any."""
+    if not any(part.events for part in system.forces):
         return None
-    from hfsim.mechanics.latches import Latches
+    from hfsim.mechanics.events import Events
 
-    return Latches(system, through)
+    return Events(system, through)
 
 
 def _noise(series: Array) -> float:

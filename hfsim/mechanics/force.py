@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from hfsim.mechanics.turns import TurnCount
 
 if TYPE_CHECKING:
     from hfsim.deck.laws import Law
+    from hfsim.mechanics.once import Event
 
 DIFFERENCE = 1e-7
 """Step of one-sided difference quotients, relative to coordinates larger than 1."""
@@ -144,8 +145,8 @@ class ForcePart:
         raise NotImplementedError
 
     @property
-    def latches(self) -> tuple[Any, ...]:
-        """What catches along the motion, of `hfsim.mechanics.latches`."""
+    def events(self) -> tuple[Event, ...]:
+        """What happens once along the motion."""
         return ()
 
     @property

@@ -15,13 +15,16 @@ from hfsim.maths.arrays import Array
 
 if TYPE_CHECKING:
     from hfsim.deck.laws import Law
+    from hfsim.mechanics.once import Event
 
 
 class Resistance:
     """A force on a coordinate; a kind says what it stores, and what else it does."""
 
-    catches: ClassVar[bool] = False
-    """Whether it is a `hfsim.mechanics.latches.Latch`."""
+    @property
+    def event(self) -> Event | None:
+        """What changes it once along the motion."""
+        return None
 
     @property
     def holds(self) -> bool:

@@ -154,6 +154,11 @@ class TurnAbout(OfAxes):
     others: tuple[Direction, ...]
 
     @property
+    def axis(self) -> Direction:
+        """The axis in A's frame."""
+        return direction(cross(np.array(self.zero), np.array(self.quarter)))
+
+    @property
     def _axes(self) -> tuple[tuple[tuple[complex, Direction], ...], ...]:
         """Factors and axes of each end, whose sums are n and o."""
         return ((1.0, self.zero), (1.0j, self.quarter)), tuple(zip((1.0, -1.0j), self.others, strict=False))

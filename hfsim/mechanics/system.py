@@ -168,8 +168,9 @@ class System:
         yield from ((c.law, 2) for c in self.constraints if c.law is not None)
 
     def breaks(self, t_end: float) -> Array:
-        """Return the times until the end at which steps have to end [s], sorted: those of all laws."""
-        return np.sort(np.concatenate([np.zeros(0), *(law.breaks(k, t_end) for law, k in self._laws)]))
+        """Return the times until the end at which steps have to end [s], sorted: of all laws and events."""
+        events = [one.time for part in self.forces for one in part.events if 0.0 < one.time < t_end]
+        return np.sort(np.concatenate([events, *(law.breaks(k, t_end) for law, k in self._laws)]))
 
     def period(self, begin: float, end: float, t_end: float) -> float:
         """Return the shortest oscillation of a law between two times of a run until ``t_end`` [s]."""

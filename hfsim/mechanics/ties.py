@@ -19,6 +19,7 @@ from hfsim.mechanics.turns import TurnCount
 
 if TYPE_CHECKING:
     from hfsim.deck.laws import Law
+    from hfsim.mechanics.once import Event
 
 TOGETHER = 1e-14
 """Distance of two points, over that from the origin, that is rounding."""
@@ -80,9 +81,10 @@ class Tie(PointPart):
         return any(one.exchanges_power for one in self.resistances)
 
     @property
-    def latches(self) -> tuple[Resistance, ...]:
-        """Resistances that catch along the motion."""
-        return tuple(one for one in self.resistances if one.catches)
+    def events(self) -> tuple[Event, ...]:
+        """What changes resistances once along the motion."""
+        found = {id(event): event for one in self.resistances if (event := one.event) is not None}
+        return tuple(found.values())
 
     @property
     def laws(self) -> tuple[Law, ...]:
@@ -227,6 +229,11 @@ class DistanceTie(Tie):
         distance, direction = self._line(x)
         along = ((sign, direction[:, None] @ marker.position_jacobian(x)) for sign, marker in self._signed)
         return distance, [sign * row[:, 0] for sign, row in along]
+
+    def reaction(self, t: Array, x: Array, u: Array) -> tuple[Array, Array]:
+        """Return the force [N], (n_batch, n_dim), on the second body, and no moment, (n_batch, n_spin)."""
+        force = self.effort(t, x, u)[:, None] * self._line(x)[1]
+        return force, np.zeros((len(x), self.first.n_spin))
 
     def undirected(self, t: Array, x: Array) -> float:
         """Return the size of the force where both points are in one place, but for rounding."""

@@ -76,9 +76,9 @@ def state_warnings(found: Modes) -> Iterator[str]:
         )
     free, scene = [mode.change.real for mode in found.modes if mode.free], found.about.scene
     if found.about.state == "equilibrium":
-        from hfsim.scene.equilibrium import beyond_latches, one_of_many
+        from hfsim.scene.equilibrium import one_of_many, passed
 
-        yield from beyond_latches(scene, found.about.motions.x[None])
+        yield from passed(scene, found.about.motions.x[None])
         if free:
             yield one_of_many(scene, scene.system.reduction.free_rates(np.array(free)))
     if found.uneven:

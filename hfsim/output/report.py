@@ -81,7 +81,8 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path | None) -> str:
         "CPU time": _times(summary["cpu_s"]),
         **({"kernel": f"numpy: {MISSING}"} if MISSING else {}),
         "error estimate": errors(summary),
-        "latches": _latches(summary.get("latches", {})),
+        "latches": _happened(summary.get("latches", {}), "is open"),
+        "releases": _happened(summary.get("releases", {}), "holds"),
         "energy drift": number(summary["energy_drift"]),
         **({"constraint drift": _drift(summary)} if summary["multipliers"] else {}),
     }
@@ -90,16 +91,16 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path | None) -> str:
     return "\n".join([*lines, *levels, *last_values(run, summary)])
 
 
-def _latches(caught: Mapping[str, float | None]) -> str:
-    """Return when latches caught.
+def _happened(events: Mapping[str, float | None], else_: str) -> str:
+    """Return when latches caught or springs let go, and what those do that have not.
 
     Examples
     --------
-    >>> _latches({"joints.left": 3.25, "joints.right": None})
+    >>> _happened({"joints.left": 3.25, "joints.right": None}, "is open")
     'left at 3.25 s, right is open'
     """
-    names = {item.partition(".")[2]: t for item, t in caught.items()}
-    return ", ".join(f"{one} is open" if t is None else f"{one} at {t:.6g} s" for one, t in names.items())
+    names = {item.partition(".")[2]: t for item, t in events.items()}
+    return ", ".join(f"{one} {else_}" if t is None else f"{one} at {t:.6g} s" for one, t in names.items())
 
 
 def sizes(facts: Mapping[str, Any]) -> str:

@@ -4,10 +4,10 @@ Checks and rules ask these facts; they know no kind of body, joint, spring or lo
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from hfsim.deck.fields import Between, split_point
-from hfsim.deck.spec import Around, Complaint, Spec
+from hfsim.deck.spec import Around, Complaint, Spec, entry_of
 from hfsim.maths.arrays import Array
 
 if TYPE_CHECKING:
@@ -143,10 +143,27 @@ class JointSpec(Spec):
 class SpringSpec(Spec):
     """Base of springs."""
 
+    release: Annotated[Any, entry_of("hfsim.parts.forces.release.ReleaseSpec")] | None = None
+    """When it lets go for good; never without it."""
+
     if TYPE_CHECKING:
         between: tuple[str, str]
         stiffness: float
         damping: float
+
+    def complaints_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield a release by an effort that it has not, or of what is not let go."""
+        yield from super().complaints_in(around)
+        if self.release is None:
+            return
+        for key in ("force", "moment"):
+            if getattr(self.release, key) is not None and key not in self.limits:
+                hint = f"a {' or a '.join(self.limits)}, or a time"
+                yield Complaint(("release", key), f"this spring has no {key} by which it could let go", hint)
+        for key in ("friction", "stops", "latch"):
+            if getattr(self, key, None) is not None:
+                hint = "state it in a spring of its own"
+                yield Complaint((key,), f"a spring that lets go has no {key}", hint, True)
 
     @property
     def on(self) -> Mapping[str, Any]:
@@ -172,8 +189,26 @@ class SpringSpec(Spec):
     measures: ClassVar[tuple[tuple[str, str], ...]] = ()
     """Both as of joints."""
 
+    limits: ClassVar[tuple[str, ...]] = ()
+    """What of its efforts may make it let go: ``force``, ``moment``."""
+
+    of_frames: ClassVar[bool] = False
+    """Whether it depends on how its points' frames are turned, which those of a line are not."""
+
+    reacts: ClassVar[bool] = True
+    """Whether what it does to its second point is one force and one moment."""
+
+    @property
+    def mount(self) -> JointSpec | None:
+        """The joint that holds B where it is without force, if that is one place."""
+        return None
+
+    def parts(self, first: "Marker", second: "Marker", start: Array) -> "Iterator[tuple[str, ForcePart]]":
+        """Yield what acts between two markers of a scene with coordinates (n,) at the start, by names."""
+        yield "", self.build(first, second, start)
+
     def build(self, first: "Marker", second: "Marker", start: Array) -> "ForcePart":
-        """Return the force between two markers of a scene with coordinates (n,) at the start."""
+        """Return the one force that this is."""
         raise NotImplementedError
 
     @property

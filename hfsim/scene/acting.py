@@ -50,13 +50,13 @@ def acting(
     found, turns = [], FullTurns(deck)
     for item, entry, part in chain(_ties(deck, facings, marker, x), _loads(deck, bodies, marker)):
         if part.counter is not None:
-            part.counter.suppose(0.0, turns.between(entry, float(part.angle(x[None])[0]), angles))
-        if part.latches:
-            from hfsim.mechanics.latches import start
-
-            start(part, 0.0, x[None])
+            part.counter.suppose(0.0, turns.between(entry, part, x[None], angles))
         if item not in gone:
             found.append(replace(part, item=item))
+    if any(part.events for part in found):
+        from hfsim.mechanics.once import events_of, start
+
+        start(events_of(found), 0.0, x[None], 0.0 * x[None])
     return found
 
 
@@ -98,11 +98,8 @@ def _ties(
 ) -> Iterator[tuple[str, JointSpec | SpringSpec, ForcePart]]:
     """Yield, with its item and entry, what acts between two bodies."""
     for name, spring in deck.springs.items():
-        if spring.on:
-            yield from _coupled(f"springs.{name}", spring, marker, facings, x)
-            continue
-        first, second = map(marker, spring.between)
-        yield f"springs.{name}", spring, spring.build(first, second, x)
+        own = _coupled if spring.on else _between
+        yield from _let_go(spring, own(f"springs.{name}", spring, marker, facings, x))
     for name, joint in deck.joints.items():
         for key, held, resistances in joint.resisted(*facings.of(joint)):
             item = f"joints.{name}.{key}" if key else f"joints.{name}"
@@ -110,6 +107,32 @@ def _ties(
 
             first, second = map(marker, joint.between)
             yield item, joint, tie_on(held, first, second, resistances)
+
+
+def _let_go(
+    spring: SpringSpec, parts: Iterable[tuple[str, JointSpec | SpringSpec, ForcePart]]
+) -> Iterator[tuple[str, JointSpec | SpringSpec, ForcePart]]:
+    """Yield the parts of a spring, which are there until its release, if it has one."""
+    if spring.release is None:
+        yield from parts
+        return
+    from hfsim.mechanics.releases import Released
+
+    release = spring.release.build()
+    for item, entry, part in parts:
+        if not part.counts_for_others:
+            held = tuple(Released(one, release) for one in part.resistances)  # type: ignore[attr-defined]
+            part = replace(part, resistances=held)  # type: ignore[call-arg]
+        yield item, entry, part
+
+
+def _between(
+    item: str, spring: SpringSpec, marker: Callable[[str], Marker], facings: Facings, x: Array
+) -> Iterator[tuple[str, JointSpec | SpringSpec, ForcePart]]:
+    """Yield what acts between two points."""
+    first, second = map(marker, spring.between)
+    for key, part in spring.parts(first, second, x):
+        yield f"{item}.{key}".removesuffix("."), spring, part
 
 
 def _coupled(

@@ -72,9 +72,10 @@ class ChannelNames:
             return None
         for key, kinds in (("joint", JOINTS), ("spring", SPRINGS)):
             if owner in (self.declared.names(f"{key}s") or ()):
-                units = measured(self.declared.map(f"{key}s", owner), kinds)
-                units += ("",) if units or key == "joint" else ()
-                return self._known(lambda one: one.subject in OWNERS[key] and one.measured in units)  # noqa: B023
+                entry = self.declared.map(f"{key}s", owner)
+                units, reacts = (*measured(entry, kinds), ""), key == "joint" or _reacts(entry)
+                subjects = [one for one in OWNERS[key] if one != "joint" or reacts]
+                return self._known(lambda one: one.subject in subjects and one.measured in units)  # noqa: B023
         return None
 
     def _known(self, fits: Callable[[ChannelKind], bool]) -> list[str]:
@@ -129,9 +130,19 @@ def no_channel(path: Path, channel: str) -> Iterator[Complaint]:
 
 def measured(entry: Mapping[str, Any], kinds: Mapping[str, str]) -> tuple[str, ...]:
     """Return the units of what a joint or a spring measures."""
-    spec = kinds.get(str(entry.get("type")))
-    spec = at(spec) if isinstance(spec, str) else spec
+    spec = _spec(entry, kinds)
     return tuple(unit for unit, key in (spec.measures if spec else ()) if not key or key in entry)
+
+
+def _reacts(spring: Mapping[str, Any]) -> bool:
+    """Return whether a spring has the channels of a joint."""
+    spec = _spec(spring, SPRINGS)
+    return spec is not None and bool(spec.reacts)
+
+
+def _spec(entry: Mapping[str, Any], kinds: Mapping[str, str]) -> Any:
+    spec = kinds.get(str(entry.get("type")))
+    return at(spec) if isinstance(spec, str) else spec
 
 
 def _unknown_quantity(path: Path, owner: str, quantity: str, known: Sequence[str]) -> Complaint:

@@ -89,7 +89,7 @@ def _acts_by_place(spec: Any) -> bool:
     forces = [one for key, some in getattr(spec, "resisting", {}).items() if key != "sliding" for one in some]
     none, places = np.zeros(9), np.linspace(-3.0, 3.0, 9)
     driven = not forces and any(unit == "rad" and key for unit, key in spec.measures)
-    return driven or any(one.catches or one.edges or np.ptp(one.force(none, places, none)) for one in forces)
+    return driven or any(one.event or one.edges or np.ptp(one.force(none, places, none)) for one in forces)
 
 
 def _frame(scene: Measured, body: str) -> Array:

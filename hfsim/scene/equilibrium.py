@@ -291,7 +291,7 @@ def doubts(scene: Assembled, found: Equilibrium, x: Array) -> Iterator[str]:
         return
     for item, what in undirected(scene.system, x[0]):
         yield f"{item} has {what}: neither frequencies, nor whether it is stable, are to be relied on"
-    yield from beyond_latches(scene, x)
+    yield from passed(scene, x)
     if not found.stable:
         time = 1.0 / float(np.sqrt(-found.values[0]))
         since = "" if found.crossed is None else f" from {found.crossed:.4g} of the loads on"
@@ -315,17 +315,23 @@ def doubts(scene: Assembled, found: Equilibrium, x: Array) -> Iterator[str]:
         yield "the scene has another place of rest: hfsim static --path leads there from a rest without loads"
 
 
-def beyond_latches(scene: Assembled, x: Array) -> Iterator[str]:
-    """Yield which latches are open though a state (1, n_x) is beyond their places."""
-    for part in scene.system.forces:
-        if part.latches:
-            from hfsim.mechanics.latches import passed
+_PASSED = {
+    "latches": "rests beyond the place of its latch, which would have caught on the way: "
+    "start it at that place (initial), where it is caught, to see where it rests then",
+    "releases": "bears more at rest than it can, and would have let go on the way: "
+    "state 'release: {time: 0}' to see where the scene rests without it",
+}
 
-            if passed(part, np.zeros(1), x):
-                yield (
-                    f"{part.item} rests beyond the place of its latch, which would have caught on the way: "
-                    "start it at that place (initial), where it is caught, to see where it rests then"
-                )
+
+def passed(scene: Assembled, x: Array) -> Iterator[str]:
+    """Yield which latches are open, and which springs hold, though in a state (1, n_x) they would not."""
+    forces = scene.system.forces
+    if any(part.events for part in forces):
+        from hfsim.mechanics.once import events_of
+
+        for event, ties in events_of(forces):
+            if event.side[0] * event.past(ties, np.zeros(1), x, 0.0 * x)[0] < 0.0:
+                yield f"{event.item(ties)} {_PASSED[event.told]}"
 
 
 def _rests_with(scene: Assembled, models: dict[str, str], t: float) -> bool:

@@ -31,7 +31,7 @@ class FullTurns:
     def __init__(self, deck: Deck) -> None:
         self._deck, self._facings, self._about = deck, Facings(deck), dict[Direction, TurnsAbout]()
 
-    def between(self, tied: Any, angle: float, angles: Mapping[str, float]) -> float:
+    def between(self, tied: Any, measured: Any, x: Array, angles: Mapping[str, float]) -> float:
         """Return about which angle B is turned against A at the start, its full turns counted.
 
         Where something that is known but for full turns comes in, only those count that are stated in full:
@@ -41,16 +41,18 @@ class FullTurns:
         ----------
         tied : JointSpec or SpringSpec
             Whose angle it is.
-        angle : float
-            What is measured, up to full turns [rad].
+        measured : GapTie
+            What measures it, up to full turns.
+        x : ndarray, shape (1, n)
+            Coordinates at the start.
         angles : mapping of str to float
             Angles of the bodies in the plane, with the turns that the deck states [rad].
         """
-        pair = _bodies(tied)
+        pair, angle = _bodies(tied), float(measured.angle(x)[0])
         if self._deck.dimension == 2:
             a, b = (angles.get(body, 0.0) for body in pair)
             return b - a
-        axis = unit(getattr(tied, "axis", None) or THIRD)
+        axis = measured.measure.axis
         turns = self._about.setdefault(axis, TurnsAbout(self._deck, np.array(axis), self._facings))
         if (turn := turns.of(pair)) is None:
             return angle

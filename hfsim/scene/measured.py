@@ -139,6 +139,6 @@ def start_turns(scene: Measured) -> dict[str, float]:
     x, turns = scene.system.absolute(scene.q[None]), FullTurns(deck)
     for name, tie in idle.items():
         measured = float(tie.angle(x)[0])
-        near = turns.between(_tied(deck, name), measured, scene.start_angles)
+        near = turns.between(_tied(deck, name), tie, x, scene.start_angles)
         found[name] = near + float(wrap(np.array(measured - near)))
     return found

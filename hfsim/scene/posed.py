@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from hfsim.mechanics.constraints import RelativeAngle
 from hfsim.parts.specs import JointSpec
 from hfsim.scene.initial import InitialSpec
+from hfsim.scene.mounts import mounts
 from hfsim.scene.schema import Deck
 
 if TYPE_CHECKING:
@@ -34,15 +35,16 @@ def stated_of_joints(deck: Deck, rates: bool = False) -> Iterator[tuple[str, str
 
 
 def posed(deck: Deck, rates: bool = False) -> dict[str, JointSpec]:
-    """Return drivers of this, by deck path."""
-    return {
+    """Return drivers of this, and the joints of bushings that hold bodies at the start, by deck path."""
+    drivers = {
         f"initial.{name}.{key}": _driver(deck.joints[name], unit, value, rates)
         for name, unit, key, value in stated_of_joints(deck, rates)
     }
+    return {**drivers, **mounts(deck, rates)}
 
 
 def started(deck: Deck) -> dict[str, JointSpec]:
-    """Return the joints of a deck, and drivers for what is stated of some at the start."""
+    """Return the joints of a deck, and those for what is stated of some at the start."""
     return {**deck.joints, **posed(deck)}
 
 

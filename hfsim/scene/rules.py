@@ -345,27 +345,27 @@ def connected(deck: Deck, still: Iterable[str]) -> list[tuple[str, ...]]:
     fixed = {"ground", *still}
     ties = (*deck.joints.values(), *deck.springs.values())
     moving = [name for name in deck.bodies if name not in fixed]
-    return _groups(_parts_of(moving, (owners(tie) - fixed for tie in ties)))
+    return _groups(parts_of(moving, (owners(tie) - fixed for tie in ties)))
 
 
 def closes_loops(deck: Deck) -> bool:
     """Tell whether any two bodies that a joint connects are connected another way too."""
     pairs = {frozenset(owners(joint)) for joint in deck.joints.values()}
-    part = _parts_of(("ground", *deck.bodies), pairs)
+    part = parts_of(("ground", *deck.bodies), pairs)
     return len(part) - len(pairs) != len({id(one) for one in part.values()})
 
 
 def welded(deck: Deck, rigid: Collection[str]) -> list[tuple[str, ...]]:
     """Return the sets of some bodies that fixed joints hold together, also of one body."""
     ties = (owners(joint) for joint in deck.joints.values() if joint.welds)
-    return _groups(_parts_of(rigid, (ends for ends in ties if ends <= {*rigid})))
+    return _groups(parts_of(rigid, (ends for ends in ties if ends <= {*rigid})))
 
 
 def _groups(part: Mapping[str, set[str]]) -> list[tuple[str, ...]]:
     return list(dict.fromkeys(tuple(n for n in part if n in part[name]) for name in part))
 
 
-def _parts_of(names: Iterable[str], ties: Iterable[Collection[str]]) -> dict[str, set[str]]:
+def parts_of(names: Iterable[str], ties: Iterable[Collection[str]]) -> dict[str, set[str]]:
     """Return for each name those that it is connected with, itself among them: one set for all of these."""
     part = {name: {name} for name in names}
     for ends in ties:

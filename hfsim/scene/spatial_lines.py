@@ -47,7 +47,7 @@ def refusals(deck: Deck) -> Iterator[Complaint]:
         yield from _unmeasured(name, joint, (first, second), facings)
     for name, spring in deck.springs.items():
         on = [end for end in spring.points if split_point(end)[0] in lines]
-        if on and not spring.carries and not spring.on:
+        if on and spring.of_frames:
             message = f"'{on[0]}' has no section whose turn could be measured: it is on a line"
             yield Complaint(("springs", name), message, f"{SECTIONS}, or two_point springs beside the axis")
         for key, entry in spring.on.items():

@@ -73,11 +73,11 @@ def hand_over(old: Scene, new: Scene, path: Trajectory) -> tuple[Scene, float]:
 
 
 def _hand_turns(old: System, new: System, t: Array, x: Array) -> None:
-    """Say of springs which turns their angles are in, and what caught, from a state (1, n) of the old one."""
+    """Say of springs which turns their angles are in, and what has happened, from a state (1, n)."""
     before = {part.item: part for part in old.forces}
     for part in (one for one in new.forces if not one.counts_for_others):
-        for latch, known in zip(part.latches, before[part.item].latches if part.latches else (), strict=True):
-            latch.take(float(known.since[0]), float(known.side[0]))
+        for event, known in zip(part.events, before[part.item].events if part.events else (), strict=True):
+            event.take_from(known)
         for k, one in enumerate(part.angles):
             if one.counter is not None:
                 same = before[part.item].angles[k]

@@ -42,7 +42,7 @@ def test_edges_are_those_of_the_laws():
 class Part:
     """A force with edges where a coordinate is at given values."""
 
-    has_edges, latches = True, ()
+    has_edges, events = True, ()
 
     def __init__(self, *values):
         self.values = np.array(values)

@@ -219,7 +219,7 @@ def test_angles_that_nothing_resists_count_all_turns(words):
         ("mount.power", ""),
         ("turn.distance", "'turn' has no quantity 'distance'"),
         ("hold.angle", "'hold' has no quantity 'angle'"),
-        ("rope.torque", "'rope' has no quantity 'torque' (known: distance, distance_rate, force, power)"),
+        ("rope.torque", "'rope' has no quantity 'torque' (known: force_x, force_y, moment, distance, distance_rate, force, power)"),
         ("ropes.force", "there is no body, joint or spring 'ropes' (did you mean 'rope'?)"),
         ("pin.force_z", "'pin' has no quantity 'force_z'"),
         ("arm.tip.az", "a planar scene has no az ('arm.tip.ax' or 'arm.tip.ay'"),

@@ -12,7 +12,7 @@ from solved import parsed
 import hfsim
 from hfsim.errors import DeckError
 from hfsim.marching.integration import run_integration
-from hfsim.mechanics import latches
+from hfsim.mechanics import events
 from hfsim.output.modes import state_warnings
 from hfsim.scene.build import build
 from hfsim.studies.static import run_static
@@ -176,7 +176,7 @@ def test_latches_go_along_where_models_change():
 
 
 def test_a_step_that_ends_before_the_place_by_its_error_is_followed_by_one_that_reaches_it(monkeypatch):
-    monkeypatch.setattr(latches, "ROUNDS", 0)
+    monkeypatch.setattr(events, "ROUNDS", 0)
     run = hfsim.run(parsed(FLAP), {"solve.tolerance": 1e-9}, error_estimate=False)
     assert 0.0 < run.statistics["latches"]["joints.hinge"] - reference()[0] < 0.1
 

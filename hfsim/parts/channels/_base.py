@@ -140,7 +140,7 @@ def body_places(body: Body, point: str) -> Array:
     return np.array([body.points[point][0] if point else 0.0])
 
 
-OWNERS = {"body": ("point", "body"), "joint": ("joint", "tie"), "spring": ("tie",)}
+OWNERS = {"body": ("point", "body"), "joint": ("joint", "tie"), "spring": ("joint", "tie")}
 """Subjects of channels that name a body, a joint, a spring."""
 
 
@@ -177,8 +177,9 @@ class ChannelKind(NamedTuple):
     compute : callable
         The function (samples, subject) -> one value per time.
     subject : str
-        What such a channel is of: ``point`` (or body, which is its origin), ``body``, ``joint``, ``tie``
-        (joint or spring); or the word that stands for the whole scene in its name, such as ``energy``.
+        What such a channel is of: ``point`` (or body, which is its origin), ``body``, ``joint`` (or spring
+        that does one force and one moment to B), ``tie`` (joint or spring, of its angle or distance); or the
+        word that stands for the whole scene in its name, such as ``energy``.
     plot : Plot
         The picture it is drawn in.
     dimensions : tuple of int

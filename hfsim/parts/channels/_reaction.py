@@ -1,4 +1,4 @@
-"""What a joint exerts on its second body: by what it holds, and by what resists or drives it."""
+"""What a joint, or a spring, exerts on its second body: by what it holds, by what resists or drives it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.rotations import dot
+from hfsim.maths.rotations import dot, freedoms
 from hfsim.mechanics.constraints import Constraint
 from hfsim.parts.channels._base import Samples
 
@@ -15,14 +15,18 @@ from hfsim.parts.channels._base import Samples
 def joint_multipliers(samples: Samples, joint: str) -> Iterator[tuple[Constraint, Array]]:
     """Yield the constraints of a joint with their multipliers, (n_times, n_rows)."""
     system = samples.scene.system
-    for k in samples.scene.joints[joint]:
+    for k in samples.scene.joints.get(joint, ()):
         yield system.constraints[k], samples.multipliers[:, system.unreduced.rows[k]]
 
 
 def reaction(samples: Samples, joint: str) -> tuple[Array, Array]:
     """Return force, (n_times, n_dim), and moment, (n_times, n_spin), of all that a joint exerts."""
     acting = [tie.reaction(*samples.state) for tie in samples.scene.ties(joint)]
-    force, moment = (np.asarray(sum(kind)) for kind in zip(*_held(samples, joint), *acting, strict=True))
+    n_dim = next(iter(samples.scene.bodies.values())).n_dim
+    none = np.zeros((len(samples.t), n_dim)), np.zeros((len(samples.t), freedoms(n_dim) - n_dim))
+    force, moment = (
+        np.sum(kind, axis=0) for kind in zip(none, *_held(samples, joint), *acting, strict=True)
+    )
     return force, moment
 
 

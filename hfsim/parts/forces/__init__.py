@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from hfsim.deck.spec import OneOf, Spec
 
 if TYPE_CHECKING:
+    from hfsim.parts.forces.bushing import BushingSpec
     from hfsim.parts.forces.coupling import CouplingSpec
     from hfsim.parts.forces.distributed import DistributedSpec
     from hfsim.parts.forces.force import ForceSpec
@@ -15,12 +16,13 @@ if TYPE_CHECKING:
     from hfsim.parts.forces.rotational import RotationalSpec
     from hfsim.parts.forces.two_point import TwoPointSpec
 
-    AnySpring = RotationalSpec | TwoPointSpec | CouplingSpec
+    AnySpring = RotationalSpec | TwoPointSpec | BushingSpec | CouplingSpec
     AnyLoad = ForceSpec | MomentSpec | DistributedSpec
 
 SPRINGS = {
     "rotational": "hfsim.parts.forces.rotational.RotationalSpec",
     "two_point": "hfsim.parts.forces.two_point.TwoPointSpec",
+    "bushing": "hfsim.parts.forces.bushing.BushingSpec",
     "coupling": "hfsim.parts.forces.coupling.CouplingSpec",
 }
 LOADS = {

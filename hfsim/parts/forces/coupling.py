@@ -30,6 +30,8 @@ class CouplingSpec(SpringSpec):
     """
 
     measures = (("rad", ""),)
+    reacts = False
+    limits = ("moment",)
 
     type: Literal["coupling"]
     """Kind of spring."""

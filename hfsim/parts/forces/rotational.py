@@ -30,6 +30,8 @@ class RotationalSpec(TurningResistanceSpec, CoordinateSpringSpec):
     vectors = ("axis",)
     spatial = ("axis", "orientation")
     measures = (("rad", ""),)
+    of_frames = True
+    limits = ("moment",)
 
     type: Literal["rotational"]
     """Kind of spring."""

@@ -17,6 +17,7 @@ class TwoPointSpec(SlidingResistanceSpec, CoordinateSpringSpec):
 
     carries = True
     measures = (("m", ""),)
+    limits = ("force",)
 
     type: Literal["two_point"]
     """Kind of spring."""

@@ -1,0 +1,186 @@
+"""Springs that let go for good: at a time, or where their force or moment reaches a limit."""
+
+import numpy as np
+import pytest
+from natively import both, native
+from scipy.optimize import brentq
+from solved import parsed
+
+import hfsim
+from hfsim.errors import DeckError
+from hfsim.marching.integration import run_integration
+from hfsim.mechanics.once import events_of
+from hfsim.output.modes import state_warnings
+from hfsim.scene.build import build
+
+CATCH = """
+hfsim: 1
+bodies: {cart: {type: rigid, mass: 2.0, inertia: 0.1}}
+springs:
+  rope: {type: two_point, between: [ground, cart], stiffness: 50, rest_length: 1.0, release: {force: 20}}
+initial: {cart: {position: [1.0, 0.0], velocity: [3.0, 0.0]}}
+solve: {duration: 1.0, tolerance: 1.0e-9}
+output: {interval: 0.05, channels: [cart.x, cart.vx, rope.force, energy.total]}
+"""
+BROKEN = np.arcsin(20.0 / 50.0 / (3.0 / 5.0)) / 5.0
+"""When 50 N/m have 20 N [s]: x - 1 = 0.6 sin(5 t)."""
+METHODS = {"gauss": 1e-9, "radau": 1e-8, "explicit": 1e-8, "energy": 1e-6, "gear": 1e-4}
+METHODS["generalized_alpha"] = 0.02
+"""How far the time of it may be off [s]."""
+HELD = """
+hfsim: 1
+gravity: [0.0, 0.0, -9.81]
+materials: {nylon: {density: 1150, youngs_modulus: 3 GPa, poisson_ratio: 0.4, bending_damping: 1.0e-3}}
+sections: {rod: {shape: circle, diameter: 3 cm}}
+bodies:
+  boom: {type: beam, material: nylon, section: rod, length: 0.8, elements: 1}
+  load: {type: rigid, mass: 0.5, inertia: [0.001, 0.002, 0.003]}
+joints: {hinge: {type: revolute, between: [ground, boom.root], axis: [0, 1, 0]}}
+springs:
+  stay: {type: rotational, between: [ground, boom.root], axis: [0, 1, 0], stiffness: 900, damping: 1}
+  clamp:
+    type: bushing
+    between: [boom.tip, load]
+    stiffness: 2.0e4
+    damping: 10
+    rotational_stiffness: 50
+    release: {time: 0.11, force: 8.5, moment: 4}
+solve: {duration: 0.3, tolerance: 1.0e-8}
+output: {interval: 0.02, channels: [boom.tip.z, load.z, load.vz, load.rotation_y, clamp.force_z]}
+"""
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_rope_breaks_at_its_limit(method):
+    changes = {"solve.method": method, "solve.tolerance": 1e-7 if METHODS[method] > 1e-6 else 1e-9}
+    run = hfsim.run(parsed(CATCH), changes, error_estimate=False, diagnosis=False)
+    assert run.statistics["releases"] == {"springs.rope": pytest.approx(BROKEN, abs=METHODS[method])}
+    later = run.t > BROKEN + METHODS[method]
+    assert not run["rope.force"][later].any() and run["rope.force"][~later].any()
+    speed = 3.0 * np.cos(5.0 * BROKEN)
+    np.testing.assert_allclose(run["cart.vx"][later], speed, atol=20 * METHODS[method])
+    np.testing.assert_allclose(
+        run["cart.x"][later], 1.4 + speed * (run.t[later] - BROKEN), atol=20 * METHODS[method]
+    )
+
+
+def test_what_it_stored_is_lost_and_no_drift():
+    run = hfsim.run(parsed(CATCH))
+    assert run.statistics["energy_drift"] < 1e-9 and run.statistics["error_estimate"] < 1e-6
+    assert run["energy.total"][[0, -1]] == pytest.approx([9.0, 9.0 - 0.5 * 50 * 0.4**2], rel=1e-8)
+    assert run.statistics["work_done"] == pytest.approx(-0.5 * 50 * 0.4**2, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("release", "at"),
+    [("{time: 0.07}", 0.07), ("{time: 0.9, force: 20}", BROKEN), ("{force: 40}", None), ("{time: 0}", 0.0)],
+)
+def test_the_first_of_what_is_stated_counts(release, at):
+    run = hfsim.run(parsed(CATCH.replace("{force: 20}", release)), error_estimate=False)
+    assert run.statistics["releases"]["springs.rope"] == (None if at is None else pytest.approx(at, abs=1e-9))
+    speed = 3.0 if at is None else 3.0 * np.cos(5.0 * at)
+    if at is not None:
+        assert run["cart.vx"][-1] == pytest.approx(speed, abs=1e-8)
+    else:
+        np.testing.assert_allclose(run["cart.x"], 1.0 + 0.6 * np.sin(5 * run.t), atol=1e-8)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.03])
+def test_fixed_steps_end_at_its_time(step):
+    changes = {"solve.method": "gauss", "solve.step": step, "springs.rope.release": {"time": 0.07}}
+    run = hfsim.run(parsed(CATCH), changes, error_estimate=False)
+    assert run.statistics["releases"]["springs.rope"] == 0.07
+    assert run["cart.vx"][-1] == pytest.approx(3.0 * np.cos(0.35), abs=1e-6)
+
+
+def test_a_second_run_of_a_scene_begins_with_it_whole():
+    scene = build(parsed(CATCH))
+    first, second = (run_integration(scene, scene.deck.solve) for _ in range(2))
+    np.testing.assert_array_equal(first.trajectory.q, second.trajectory.q)
+
+
+@native
+@pytest.mark.parametrize("release", ["{time: 0.11}", "{force: 8.5}", "{moment: 0.02}"])
+def test_a_bushing_lets_go_as_one_in_the_kernel_as_in_numpy(release, monkeypatch):
+    deck = parsed(HELD.replace("{time: 0.11, force: 8.5, moment: 4}", release))
+    one, other = both(monkeypatch, lambda: hfsim.run(deck, error_estimate=False, diagnosis=False))
+    assert one.statistics["native_steps"] > 5 and other.statistics["native_steps"] == 0
+    let_go = one.statistics["releases"]
+    assert let_go == pytest.approx(other.statistics["releases"], abs=1e-8)
+    assert list(let_go) == ["springs.clamp"]
+    at = let_go["springs.clamp"]
+    assert at is not None and 0.0 < at < 0.3
+    later = one.t > at
+    np.testing.assert_allclose(np.diff(one["load.vz"][later]), -9.81 * 0.02, atol=1e-6)
+    assert not one["clamp.force_z"][later].any() and one["clamp.force_z"][~later][1:].all()
+    for name in ("boom.tip.z", "load.z", "load.rotation_y"):
+        np.testing.assert_allclose(one[name], other[name], atol=1e-7)
+    assert one.statistics["energy_drift"] < 1e-6
+
+
+def test_the_limit_is_that_of_the_whole_force():
+    asked = [f"clamp.force_{axis}" for axis in "xyz"]
+    changes = {"output.channels": asked, "output.interval": 1e-3}
+    deck = parsed(HELD.replace("{time: 0.11, force: 8.5, moment: 4}", "{time: 9}"))
+    whole = hfsim.run(deck, changes, error_estimate=False)
+    force = np.sqrt(sum(whole[name] ** 2 for name in asked))
+    limit = 0.9 * force.max()
+    k = int(np.argmax(force >= limit))
+    at = brentq(lambda t: np.interp(t, whole.t, force) - limit, whole.t[k - 1], whole.t[k])
+    run = hfsim.run(deck, {"springs.clamp.release": {"force": float(limit)}}, error_estimate=False)
+    assert run.statistics["releases"]["springs.clamp"] == pytest.approx(at, abs=2e-5)
+
+
+def test_rest_and_modes_are_those_with_it_and_overload_is_told():
+    with_it = hfsim.modes(parsed(CATCH)).frequencies
+    assert max(with_it) == pytest.approx(np.sqrt(50 / 2.0) / (2 * np.pi))
+    without = hfsim.modes(parsed(CATCH), {"springs.rope.release": {"time": 0}}).frequencies
+    assert max(without) == pytest.approx(0.0, abs=1e-9)
+    hung = CATCH.replace("bodies:", "gravity: [0, -20]\nbodies:")
+    hung = parsed(hung.replace("[1.0, 0.0], vel", "[0.0, -1.0], vel"))
+    rest = hfsim.static(hung)
+    assert rest.final["rope.force"] == pytest.approx(-40.0)
+    assert "springs.rope bears more at rest than it can" in "".join(rest.statistics["warnings"])
+    told = "".join(state_warnings(hfsim.modes(hung, about="equilibrium")))
+    assert "springs.rope bears more at rest than it can" in told
+    holding = hfsim.static(hung, {"springs.rope.release.force": 50}).statistics["warnings"]
+    assert "springs.rope" not in "".join(holding)
+
+
+def test_it_goes_along_where_models_change():
+    text = HELD.replace("solve: {", "solve: {model: auto, model_error: 1.0e-4, ")
+    models = ({"solve.model": one} for one in ("auto", "exact"))
+    auto, exact = (hfsim.run(parsed(text), model, error_estimate=False) for model in models)
+    assert auto.statistics["auto"]["switches"]
+    at = [run.statistics["releases"]["springs.clamp"] for run in (auto, exact)]
+    assert at[0] == pytest.approx(at[1], abs=0.02)
+
+
+def test_it_is_told_in_the_table_and_a_run_that_was_put_down_knows_it(tmp_path):
+    deck = parsed(CATCH)
+    whole = hfsim.run(deck, {"solve.duration": 2.0}, error_estimate=False)
+    scene = build(deck)
+    (event, ties), = events_of(scene.system.forces)
+    assert event.item(ties) == "springs.rope" and event.side[0] == 1.0 and np.isinf(event.since[0])
+    steps = run_integration(scene, scene.deck.solve).trajectory.segments
+    half = next(one for one in steps if one.t > BROKEN)
+    assert event.since[0] == pytest.approx(BROKEN, abs=1e-9)
+    again = run_integration(scene, scene.deck.solve, start=(half.t, half.q, half.v))
+    assert again.trajectory.v[0] == pytest.approx(whole["cart.vx"][-1], abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("release", "told"),
+    [
+        ("{}", "a release needs a time, a force or a moment"),
+        ("{moment: 3}", "this spring has no moment by which it could let go (a force, or a time)"),
+        ("{force: 0}", "must be greater than 0"),
+        ("{time: -1}", "must be at least 0"),
+        ("{force: 3}, latch: {distance: 1, stiffness: 1}", "a spring that lets go has no latch"),
+        ("{after: 3}", "unknown key"),
+    ],
+)
+def test_what_is_wrong_is_told(release, told):
+    with pytest.raises(DeckError) as error:
+        build(parsed(CATCH.replace("{force: 20}", release)))
+    assert told in str(error.value)
