@@ -14,7 +14,8 @@ from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.frozen import frozen
 
 SLOW = 0.5
-"""For how long an error of a velocity that a step leaves is taken to last where motions are slow [s]..."""
+"""For how long an error of a velocity that a step leaves is taken to last where motions are slow [s], or as
+long as shorter runs last..."""
 SLOW_PART, SLOW_STEPS = 1.0 / 80.0, 100.0
 """...the part of runs that makes more of it, those longer than 40 s, whose motions may be slower, and the
 steps that it makes up at most: beyond, rounding would count."""
@@ -108,16 +109,16 @@ class Collocation:
 
     def slow(self, h: float) -> Any:
         """Return for how long slow motions go astray by an error of the velocity at the end of a step [s]."""
-        if self.longest == SLOW:
-            return SLOW
+        if self.longest <= SLOW:
+            return self.longest
         return np.maximum(SLOW, np.minimum(self.longest, SLOW_STEPS * h))
 
 
 @lru_cache(maxsize=64)
 def lasting(table: Collocation, duration: float) -> Collocation:
-    """Return a method for a run of some duration [s]: itself unless that is long."""
-    longest = SLOW_PART * duration
-    return replace(table, longest=longest) if longest > table.longest else table
+    """Return a method for a run of some duration [s]: itself unless that is long, or very short."""
+    longest = max(min(SLOW, duration), SLOW_PART * duration)
+    return table if longest == table.longest else replace(table, longest=longest)
 
 
 def _collocation(nodes: Array, order: int, last: Fraction) -> Collocation:

@@ -67,3 +67,27 @@ def test_what_was_recorded_in_a_short_run_is_none_of_a_long_one(scene):
     one, other = (run_integration(built, built.deck.solve) for built in (used, fresh))
     assert cost(one) == cost(other)
     assert np.array_equal(one.trajectory.q, other.trajectory.q)
+
+
+def cantilever(k):
+    """A silicon cantilever that a force shakes through six periods, all of it k times as small and as fast."""
+    return f"""
+hfsim: 1
+materials: {{si: {{density: 2330, youngs_modulus: 160 GPa, bending_damping: {1e-5 * k}}}}}
+sections: {{s: {{shape: rectangle, width: {0.05 * k}, height: {0.05 * k}}}}}
+bodies: {{b: {{type: beam, material: si, section: s, length: {k}, elements: 3}}}}
+joints: {{j: {{type: fixed, between: [ground, b.root]}}}}
+loads:
+  f: {{type: force, at: b.tip, force: [0, {1e5 * k * k}], law: {{type: sine, amplitude: 1, frequency: {30 / k}}}}}
+solve: {{duration: {0.2 * k}, tolerance: 1.0e-5}}
+"""
+
+
+@pytest.mark.parametrize("method", ["radau", "gauss"])
+def test_a_small_scene_takes_the_steps_of_a_large_one(method):
+    """Ended by what a velocity does in half a second, iterations in microseconds took 240 times the steps."""
+    large, small = (build(parse_deck(cantilever(k)).with_solve({"method": method})) for k in (1.0, 2.0**-13))
+    one, other = (run_integration(built, built.deck.solve) for built in (large, small))
+    assert other.trajectory.t_end == pytest.approx(0.2 * 2.0**-13) and cost(one)[0] < 150
+    assert cost(other)[:2] == cost(one)[:2]
+    assert other.trajectory.q[-2:] == pytest.approx(one.trajectory.q[-2:], abs=1e-6)
