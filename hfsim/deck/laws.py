@@ -208,3 +208,13 @@ class ShiftedLaw(Law):
     def _derivative(self, t: Array, order: int) -> Array:
         begun = self.law._derivative(np.maximum(t - self.start, 0.0), order)
         return begun if order == 0 else np.where(t < self.start, 0.0, begun)
+
+
+@dataclass(frozen=True)
+class StandingLaw(Law):
+    """A law that stands still wherever it has come to."""
+
+    law: Law
+
+    def _derivative(self, t: Array, order: int) -> Array:
+        return self.law.value(t) if order == 0 else np.zeros_like(t)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.traced import live
 from hfsim.mechanics.once import Event
 from hfsim.mechanics.resistances import Resistance
+
+if TYPE_CHECKING:
+    from hfsim.deck.laws import Law
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,16 @@ class Released(Resistance):
         return self.inner.uses_rates
 
     @property
+    def exchanges_power(self) -> bool:
+        """Whether the resistance does."""
+        return self.inner.exchanges_power
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """Those of the resistance."""
+        return self.inner.laws
+
+    @property
     def edges(self) -> tuple[float, ...]:
         """Those of the resistance."""
         return self.inner.edges
@@ -94,6 +107,10 @@ class Released(Resistance):
     def rate_edges(self) -> tuple[float, ...]:
         """Those of the resistance."""
         return self.inner.rate_edges
+
+    def standing(self) -> Released:
+        """Return it with the resistance at rest."""
+        return replace(self, inner=self.inner.standing())
 
     def _until(self, t: Array, what: Array) -> Array:
         return np.where(t < live(self.release.since), what, 0.0)

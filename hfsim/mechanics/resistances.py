@@ -6,7 +6,7 @@ forces [N or N m] and energies [J].  A force counts as positive where it drives 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -64,6 +64,10 @@ class Resistance:
     def beyond(self, s: float) -> float:
         """Return how far beyond a limit of its own the coordinate is; zero where there is none."""
         return 0.0
+
+    def standing(self) -> Resistance:
+        """Return it without the rate at which what it goes to moves on."""
+        return self
 
     def energy(self, t: Array, s: Array) -> Array:
         """Return what it stores."""
@@ -248,7 +252,8 @@ class Push(Resistance):
 
 @dataclass(frozen=True)
 class Control(Resistance):
-    """What a servo does: it drives s back to a law of time, by k (s - law) + d (w - law').
+    """What a servo does, or a spring whose rest moves: it drives s back to a law of time, by k (s - law) +
+    d (w - law').
 
     All of it is power exchanged: what it stored would depend on the time.
 
@@ -276,6 +281,12 @@ class Control(Resistance):
     def laws(self) -> tuple[Law, ...]:
         """The law."""
         return (self.law,)
+
+    def standing(self) -> Control:
+        """Return it with its law standing still."""
+        from hfsim.deck.laws import StandingLaw
+
+        return replace(self, law=StandingLaw(self.law))
 
     def _asked(self, t: Array, s: Array, w: Array) -> Array:
         """Return what the gains ask for."""

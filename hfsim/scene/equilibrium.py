@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.deck.laws import Law
+from hfsim.deck.laws import Law, StandingLaw
 from hfsim.errors import HfsimError, SolverFailure
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import wrap
@@ -16,7 +16,7 @@ from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.force import ConstantForce, ForcePart
 from hfsim.mechanics.point_loads import Load
 from hfsim.mechanics.pose import Pose
-from hfsim.mechanics.resistances import Control, Push
+from hfsim.mechanics.resistances import Push
 from hfsim.mechanics.statics.closing import Closing
 from hfsim.mechanics.statics.equilibrium import Equilibrium, Search
 from hfsim.mechanics.statics.newton import NotFoundError
@@ -47,16 +47,6 @@ class FactorLaw(Law):
         if self.law is None:
             return np.full_like(t, self.factor if order == 0 else 0.0)
         return self.factor * self.law._derivative(t, order)
-
-
-@dataclass(frozen=True)
-class StandingLaw(Law):
-    """A law that stands still wherever it has come to."""
-
-    law: Law
-
-    def _derivative(self, t: Array, order: int) -> Array:
-        return self.law.value(t) if order == 0 else np.zeros_like(t)
 
 
 class Turns:
@@ -168,14 +158,10 @@ def _load(part: ForcePart) -> str:
 
 
 def _standing(part: ForcePart) -> ForcePart:
-    """Return a force at rest: that of a servo without the rate at which what it goes to moves on."""
-    if not isinstance(part, Tie) or not any(isinstance(one, Control) for one in part.resistances):
+    """Return a force at rest: without rates at which what it goes to moves on."""
+    if not isinstance(part, Tie) or not part.laws:
         return part
-    resistances = (
-        replace(one, law=StandingLaw(one.law)) if isinstance(one, Control) else one
-        for one in part.resistances
-    )
-    return replace(part, resistances=tuple(resistances))
+    return replace(part, resistances=tuple(one.standing() for one in part.resistances))
 
 
 def _halted(constraint: Constraint) -> Constraint:

@@ -205,7 +205,7 @@ def _elements(deck: Deck, count: float) -> Iterator[tuple[str, object]]:
 
 
 _CHANGES: dict[str, _Changes] = {
-    "stiffness": _scaled(materials=("youngs_modulus",), springs=("stiffness",)),
+    "stiffness": _scaled(materials=("youngs_modulus",), springs=("stiffness", "rotational_stiffness")),
     "speed": _scaled(initial=("angular_velocity", "velocity"), joints=("angle.rate", "position.rate")),
     "amplitude": _scaled(
         initial=("angle",), loads=("force", "moment"), joints=("angle.amplitude", "position.amplitude")

@@ -8,6 +8,7 @@ from solved import parsed
 import hfsim
 from hfsim.errors import DeckError
 from hfsim.scene.build import build
+from hfsim.studies.axes import NAMED
 
 STIFF, TURN, OF_MOUNT = 4.0e4, 900.0, ("mount.force_y", "mount.moment")
 PLANE = """
@@ -248,3 +249,9 @@ def test_springs_have_the_channels_of_joints_but_for_couplings():
     with pytest.raises(DeckError, match="'loop' has no quantity 'force_x'"):
         loop = "springs:\n  loop: {type: coupling, of: {cord: 1}, stiffness: 1}"
         build(parsed(text.replace("springs:", loop).replace("c.vx", "loop.force_x")))
+
+
+def test_the_stability_axis_stiffness_scales_both_stiffnesses():
+    changes = NAMED["stiffness"]("10").overrides(parsed(SPACE).deck, 10.0)
+    assert "springs.clamp.stiffness=[10000000000.0, 20000000000.0, 10000000000.0]" in changes
+    assert "springs.foot.rotational_stiffness=1000000000.0" in changes

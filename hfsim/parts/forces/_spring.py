@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hfsim.deck.spec import Complaint
-from hfsim.mechanics.resistances import LinearSpring, Resistance
+from hfsim.mechanics.resistances import Control, LinearSpring, Resistance
 from hfsim.mechanics.tabled import TableSpring
 from hfsim.parts.specs import SpringSpec
+
+if TYPE_CHECKING:
+    from hfsim.deck.laws import Law
 
 _FORCES = ("stiffness", "damping", "damping_table", "friction", "stops", "latch", "preload")
 """Keys that give a force where they are not zero."""
@@ -40,9 +43,18 @@ class CoordinateSpringSpec(SpringSpec):
         """Whether it ever exerts a force."""
         return self.table is not None or any(getattr(self, key) for key in _FORCES)
 
-    def from_rest(self, rest: float) -> tuple[Resistance, ...]:
-        """Return all that resists a coordinate that is without force at a value."""
-        linear = LinearSpring(self.stiffness, self.damping, rest, self.preload)
-        springs = (linear,) if self.table is None else (TableSpring.through(self.table, rest),)
-        damper = (linear,) if self.table is not None and self.damping else ()
-        return (*springs, *damper, *self.others)  # type: ignore[attr-defined]
+    def from_rest(self, rest: float | Law) -> tuple[Resistance, ...]:
+        """Return all that resists a coordinate that is without force at a value, or at one that moves."""
+        return (*self._springs(rest), *self.others)  # type: ignore[attr-defined]
+
+    def _springs(self, rest: float | Law) -> Iterator[Resistance]:
+        if not isinstance(rest, float):
+            yield Control(rest, self.stiffness, self.damping, None)
+            if self.preload:
+                yield LinearSpring(0.0, preload=self.preload)
+            return
+        if self.table is not None:
+            yield TableSpring.through(self.table, rest)
+        if self.table is None or self.damping:
+            yield LinearSpring(self.stiffness, self.damping, rest, self.preload)
+

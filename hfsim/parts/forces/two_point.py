@@ -1,15 +1,22 @@
 """Spring and damper along the line between two points."""
 
-from typing import Annotated, Literal
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
-from hfsim.deck.fields import Between, Force, NonNegativeLength, Stiffness, table_of
+from hfsim.deck.fields import Between, Force, Stiffness, table_of
+from hfsim.deck.law_specs import PositionLaw
+from hfsim.deck.spec import Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.ties import DistanceTie
 from hfsim.parts.forces._spring import CoordinateSpringSpec
 from hfsim.parts.resistances import SlidingResistanceSpec
+
+if TYPE_CHECKING:
+    from hfsim.deck.laws import Law
 
 
 class TwoPointSpec(SlidingResistanceSpec, CoordinateSpringSpec):
@@ -28,8 +35,9 @@ class TwoPointSpec(SlidingResistanceSpec, CoordinateSpringSpec):
     stiffness: Stiffness = 0.0
     """Stiffness [N/m]."""
 
-    rest_length: NonNegativeLength | None = None
-    """Distance without force, but for the preload [m]; without it, the distance at the start."""
+    rest_length: PositionLaw | None = None
+    """Distance without force, but for the preload [m]; without it, the distance at the start. As a law of
+    time, that of a winch or a cylinder."""
 
     preload: Force = 0.0
     """Tension at the rest length [N]."""
@@ -38,9 +46,22 @@ class TwoPointSpec(SlidingResistanceSpec, CoordinateSpringSpec):
     """Instead of stiffness and preload: rows [stretch from the rest length, tension], between them monotone
     cubics, beyond them straight lines [m, N]."""
 
+    def complaints(self) -> Iterator[Complaint]:
+        """Yield a rest length that is negative, or moves where a table counts from it."""
+        yield from super().complaints()
+        rest = None if self.rest_length is None else self.rest_length.constant
+        if rest is not None and rest < 0.0:
+            yield Complaint(("rest_length",), f"must be at least 0, not {rest:g}")
+        elif rest is None and self.rest_length is not None and self.table is not None:
+            yield Complaint(("table",), "a rest length that moves takes a stiffness, no table", on_key=True)
+
     def build(self, first: Marker, second: Marker, start: Array) -> DistanceTie:
         """Return the force between two markers of a scene with coordinates (n,) at the start."""
-        rest = self.rest_length
-        if rest is None:
-            rest = float(DistanceTie(first, second, ()).measured(np.zeros(1), start[None])[0][0])
-        return DistanceTie(first, second, self.from_rest(rest))
+        loose = DistanceTie(first, second, ())
+        return replace(loose, resistances=self.from_rest(self._rest(loose, start)))
+
+    def _rest(self, loose: DistanceTie, start: Array) -> "float | Law":
+        if self.rest_length is None:
+            return float(loose.measured(np.zeros(1), start[None])[0][0])
+        known = self.rest_length.constant
+        return self.rest_length.build() if known is None else known

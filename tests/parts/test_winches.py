@@ -1,0 +1,109 @@
+"""Springs between two points whose rest length is a law of time: winches and cylinders."""
+
+import numpy as np
+import pytest
+from natively import both, evaluates_alike, native
+from solved import parsed
+
+import hfsim
+from hfsim.errors import DeckError
+from hfsim.scene.build import build
+
+LAW = "{type: smooth_step, from: 5, to: 3, start: 0.5, end: 2.5}"
+CRANE = f"""
+hfsim: 1
+gravity: [0.0, -9.81]
+ground: {{points: {{drum: [0.0, 5.0]}}}}
+bodies: {{load: {{type: rigid, mass: 100, inertia: 1}}}}
+springs:
+  rope:
+    type: two_point
+    between: [ground.drum, load]
+    stiffness: 2.0e5
+    damping: 500
+    rest_length: {LAW}
+initial: {{load: {{position: [0.0, -0.004905]}}}}
+solve: {{duration: 3, tolerance: 1.0e-9}}
+output: {{interval: 0.05, channels: [load.y, load.vy, rope.force, rope.distance, rope.power, energy.total]}}
+"""
+RAIL = f"""
+hfsim: 1
+bodies: {{cart: {{type: rigid, mass: 2, inertia: 1}}}}
+joints:
+  rail: {{type: prismatic, between: [ground, cart]}}
+springs:
+  ram:
+    {{type: two_point, between: [ground, cart], stiffness: 300, damping: 9, preload: 4, rest_length: {LAW}}}
+initial: {{rail: {{distance: 5.0}}}}
+solve: {{duration: 3, tolerance: 1.0e-9}}
+output: {{interval: 0.1, channels: [rail.distance, cart.vx]}}
+"""
+
+
+def test_a_ram_is_a_servo_along_its_line():
+    ram = hfsim.run(parsed(RAIL), error_estimate=False)
+    servo = RAIL.replace("springs:\n", "").replace("{type: two_point", "{type: servo")
+    servo = servo.replace("preload: 4, rest_length", "position")
+    push = "loads: {pull: {type: force, at: cart, force: [-4, 0]}}\ninitial"
+    other = hfsim.run(parsed(servo.replace("initial", push)), error_estimate=False)
+    for name in ram.units:
+        np.testing.assert_allclose(ram[name], other[name], atol=1e-7)
+
+
+def test_a_winch_lifts_its_load_and_does_the_work_for_it():
+    run = hfsim.run(parsed(CRANE), diagnosis=False)
+    assert run["load.y"][-1] == pytest.approx(2.0 - 0.004905, abs=1e-3)
+    assert run.statistics["energy_drift"] < 1e-9 and run.statistics["error_estimate"] < 1e-5
+    weight = 100 * (9.81 + np.gradient(run["load.vy"], run.t))
+    np.testing.assert_allclose(weight[2:-2], -run["rope.force"][2:-2], rtol=0.02)
+    gained = run["energy.total"][-1] - run["energy.total"][0]
+    assert gained == pytest.approx(100 * 9.81 * 2.0, rel=1e-3)
+    assert run.statistics["work_done"] == pytest.approx(gained, rel=1e-9)
+
+
+def test_at_rest_and_in_its_modes_it_is_a_spring_of_the_length_at_the_start():
+    moving = CRANE.replace(LAW, "{type: constant_rate, start: 5, rate: -2}")
+    rest = hfsim.static(parsed(moving))
+    assert rest.final["rope.distance"] == pytest.approx(5.004905, abs=1e-9)
+    rates = [hfsim.modes(parsed(text), about="equilibrium").frequencies.max() for text in (CRANE, moving)]
+    assert rates == pytest.approx([np.sqrt(2000 - 2.5**2) / (2 * np.pi)] * 2, rel=1e-6)
+
+
+LET_GO = CRANE.replace("    damping", "    release: {time: 1.7}\n    damping")
+
+
+@native
+@pytest.mark.parametrize("text", [CRANE, LET_GO])
+def test_it_is_recorded_and_may_let_go(text, monkeypatch):
+    evaluates_alike(build(parsed(text)))
+    one, other = both(monkeypatch, lambda: hfsim.run(parsed(text), error_estimate=False))
+    assert one.statistics["native_steps"] and not other.statistics["native_steps"]
+    for name in one.units:
+        np.testing.assert_allclose(one[name], other[name], atol=1e-6 * np.abs(other[name]).max())
+    if "release" in text:
+        falling = one.t > 1.7
+        assert not one["rope.force"][falling].any() and one.statistics["energy_drift"] < 1e-9
+        np.testing.assert_allclose(np.diff(one["load.vy"][falling]), -9.81 * 0.05, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("entry", "told"),
+    [
+        ("rest_length: -1", "springs.ram.rest_length: must be at least 0, not -1"),
+        (f"rest_length: {LAW}, table: [[0, 0], [1, 2]]", "that moves takes a stiffness, no table"),
+        ("rest_length: 3 s", "springs.ram.rest_length: "),
+    ],
+)
+def test_what_is_wrong_is_told(entry, told):
+    text = RAIL.replace(f"rest_length: {LAW}", entry)
+    if "table" in entry:
+        text = text.replace("stiffness: 300, ", "").replace("preload: 4, ", "")
+    with pytest.raises(DeckError) as error:
+        build(parsed(text))
+    assert told in str(error.value)
+
+
+def test_a_length_stays_what_it_is_where_decks_are_resolved():
+    deck = parsed(RAIL.replace(LAW, "4 m")).deck
+    assert parsed(deck.resolved()).deck.springs == deck.springs
+    assert deck.springs["ram"].rest_length.constant == 4.0
