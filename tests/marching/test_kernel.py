@@ -147,13 +147,24 @@ solve: {duration: 0.5}
 """
 
 
-@pytest.mark.parametrize(
+AT_POINTS = "element: cable, strain: engineering, curvature: exact, quadrature: {axial: 5, bending: 3}"
+EACH_DAMPED = pytest.mark.parametrize(
     "where",
     [
         ("0.0, 0.0, -9.81", "elements: 3, element: continuum, section_degree: 2", "spherical"),
         ("0.0, -9.81", "elements: 3, degree: 5", "revolute"),
+        ("0.0, -9.81", f"elements: 3, {AT_POINTS}", "revolute"),
+        ("0.0, 0.0, -9.81", f"elements: 2, {AT_POINTS}", "spherical"),
     ],
 )
+
+
+@EACH_DAMPED
+def test_damping_is_that_of_numpy(where):
+    evaluates_alike(build(parse_deck(DAMPED % where)))
+
+
+@EACH_DAMPED
 def test_damped_runs_take_the_iterations_of_numpy(where, monkeypatch):
     """So the derivative follows the state: maps of the identity are no constants of a recording."""
     at_once(monkeypatch)

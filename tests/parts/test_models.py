@@ -414,6 +414,7 @@ def test_truncated_mass_and_force_are_polynomials_of_second_degree(rng):
 FLEXIBLE = [m for m in MODELS if m != "rigid"]
 DAMPED = [(m, o) for m in FLEXIBLE for o in CABLES if m != "lowOrder" or o == CABLES[0]]
 DAMPED += [(m, "degree: 5") for m in FLEXIBLE]
+AT_POINTS = f"{CABLES[1]}, quadrature: {{axial: 5, bending: 3}}"
 
 
 @pytest.mark.parametrize(("model", "options"), DAMPED)
@@ -510,7 +511,7 @@ def cable_damping(options):
     return 0.0 if "continuum" in options else 0.01
 
 
-@pytest.mark.parametrize(("model", "options"), KINDS)
+@pytest.mark.parametrize(("model", "options"), [*KINDS, ("exact", AT_POINTS), ("ancf", AT_POINTS)])
 def test_energy_changes_by_the_power_put_in(model, options, rng):
     scene = busy_scene(model, options)
     system = scene.system

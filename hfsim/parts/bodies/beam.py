@@ -135,7 +135,8 @@ class BeamSpec(BodySpec):
     """Curvature of the cable element: r'' or (r' x r'')/abs(r')^2."""
 
     quadrature: QuadratureSpec | None = None
-    """Gauss points an element, where the elastic energy is no polynomial; 2 degree - 1 without it."""
+    """Gauss points an element, where the elastic energy is no polynomial, and of damping then; 2 degree - 1
+    without it."""
 
     rotary_inertia: Flag = False
     """Whether the sections' rotary inertia counts; a cable's resists stretching too."""

@@ -177,6 +177,7 @@ class Blueprint(NamedTuple):
             degree=element.degree,
             length=element.length,
             properties=self.properties,
+            measures=self.measures,
             item=self.item,
         )
 

@@ -15,7 +15,7 @@ from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
 from hfsim.maths.shapes import gauss_legendre, hierarchic, piecewise
 from hfsim.parts.elements._base import USUAL, ElasticLaw, GramLaw, Measures
-from hfsim.parts.elements.polynomial import exact_points, green_linear_law
+from hfsim.parts.elements.polynomial import gauss_points, green_linear_law
 
 if TYPE_CHECKING:
     from hfsim.deck.stations import BeamAlong
@@ -88,14 +88,13 @@ class Cable:
 
     def law(self, properties: BeamAlong, count: int, measures: Measures = USUAL) -> ElasticLaw:
         """Return the elastic law of ``count`` elements in a row."""
-        enough, polynomial = exact_points(self.degree), measures[:2] == ("green", "linear")
-        if polynomial and isinstance(properties, BeamProperties):
+        if measures[:2] == ("green", "linear") and isinstance(properties, BeamProperties):
             if self.degree <= LAST_GRAM_DEGREE:
                 return self.gram_law(properties, count, measures.n_dim)
-            measures = measures._replace(axial_points=enough, bending_points=self.degree - 1)
+            measures = measures._replace(bending_points=self.degree - 1)
         from hfsim.parts.elements.quadrature import QuadratureLaw
 
-        points = measures.axial_points or enough, measures.bending_points or enough
+        points = gauss_points(measures, self.degree)
         stretched, bent = (properties.in_elements(gauss_legendre(n)[0], count) for n in points)
         return QuadratureLaw(
             axial=_at_points(stretched.axial_stiffness * self.length, count),

@@ -16,8 +16,8 @@ from hfsim.maths.rotations import dot
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.connectivity import Connectivity
 from hfsim.mechanics.force import ForcePart
-from hfsim.parts.elements._base import ElasticLaw, GramLaw, join_laws
-from hfsim.parts.elements.polynomial import exact_points, gauss_rows
+from hfsim.parts.elements._base import ElasticLaw, GramLaw, Measures, join_laws
+from hfsim.parts.elements.polynomial import gauss_points, gauss_rows
 
 if TYPE_CHECKING:
     from hfsim.deck.stations import BeamAlong
@@ -206,17 +206,20 @@ class MaterialDamping(ForcePart):
 class KelvinVoigtForce(MaterialDamping):
     """Damping proportional to the rates of axial strain and curvature, of cable elements.
 
-    Dissipated per length: EA tau_a strain'^2 + EI tau_b curvature'^2 with the Green strain and the
-    curvature (r' x r'')/|r'|^2, whose rates vanish in every rigid motion.  In space that is the rate of its
-    size: a line without sections does not tell a curvature that turns about it from its own roll.  Where
-    there is less than `ROLL` of it, curvature has no direction yet, and all of its rate counts.
+    Dissipated per length: EA tau_a strain'^2 + EI tau_b curvature'^2 with the strain of the energy and the
+    curvature (r' x r'')/|r'|^2, whose rates vanish in every rigid motion; that of r'' would not.  In space
+    that is the rate of its size: a line without sections does not tell a curvature that turns about it from
+    its own roll.  Where there is less than `ROLL` of it, curvature has no direction yet, and all of its rate
+    counts.
 
     Attributes
     ----------
     slope, bend : ndarray, shape (n_points, n_vectors)
         Rows of r' and r'' (times le) at the Gauss points of an element.
     axial, bending : ndarray, shape (n_elements, n_points)
-        EA le tau_a w and EI / le tau_b w [J s].
+        EA le tau_a w and EI / le tau_b w [J s]; zero at points that are the other's alone.
+    engineering : bool
+        Strain |r'| - 1 instead of Green's.
     """
 
     elements: Connectivity
@@ -224,6 +227,7 @@ class KelvinVoigtForce(MaterialDamping):
     bend: Array
     axial: Array
     bending: Array
+    engineering: bool = False
 
     @property
     def counts(self) -> dict[str, int | str]:
@@ -238,21 +242,31 @@ class KelvinVoigtForce(MaterialDamping):
 
     @classmethod
     def of(
-        cls, elements: Connectivity, degree: int, length: float, properties: BeamAlong, item: str = ""
+        cls,
+        elements: Connectivity,
+        degree: int,
+        length: float,
+        properties: BeamAlong,
+        measures: Measures,
+        item: str = "",
     ) -> KelvinVoigtForce:
-        """Return the force of elements of a length [m] in a row."""
-        points = exact_points(degree)
-        w, slope, bend = gauss_rows(points, degree)
+        """Return the force of elements of a length [m] in a row, with strain and points of their energy."""
+        numbers = gauss_points(measures, degree)
+        rules = {n: (gauss_legendre(n)[0], *gauss_rows(n, degree)) for n in numbers}
+        x, w, slope, bend = (np.concatenate(kind) for kind in zip(*rules.values(), strict=True))
+        rule = np.repeat(list(rules), list(rules))
+        stretched, bent = (np.where(rule == n, w, 0.0) for n in numbers)
         count = len(elements.columns)
-        own = properties.in_elements(gauss_legendre(points)[0], count)
+        own = properties.in_elements(x, count)
         axial = own.axial_stiffness * length * own.axial_damping
         bending = own.bending_stiffness / length * own.bending_damping
         return cls(
             elements=elements,
             slope=slope,
             bend=bend,
-            axial=np.array(np.broadcast_to(axial * w, (count, points))),
-            bending=np.array(np.broadcast_to(bending * w, (count, points))),
+            axial=np.array(np.broadcast_to(axial * stretched, (count, len(x)))),
+            bending=np.array(np.broadcast_to(bending * bent, (count, len(x)))),
+            engineering=measures.strain == "engineering",
             item=item,
         )
 
@@ -264,8 +278,10 @@ class KelvinVoigtForce(MaterialDamping):
         size = np.sqrt(square)
         curvature = (c - share * s) / size
         rate = dc - share * ds
-        rate = (rate - dot(s, rate) / square * s) / size - strain / square * curvature
-        return _Rates(s, share, size, curvature, strain, self._kept(curvature, rate))
+        growth = strain / square
+        rate = (rate - dot(s, rate) / square * s) / size - growth * curvature
+        pulled = growth if self.engineering else strain
+        return _Rates(s, share, size, curvature, strain, pulled, self._kept(curvature, rate))
 
     def _kept(self, curvature: Array, rate: Array) -> Array:
         """Return of vectors across the axis what is along the curvature; in the plane that is all of them."""
@@ -282,7 +298,7 @@ class KelvinVoigtForce(MaterialDamping):
         """Return the work of the damping by the vectors [J], same shape, at vectors and their rates."""
         at = self._rates(V, dV)
         moment = self._kept(at.curvature, self.bending[..., None] * at.rate) / at.size
-        tension = self.axial[..., None] * at.strain - dot(at.curvature, moment) / at.size
+        tension = self.axial[..., None] * at.pulled - dot(at.curvature, moment) / at.size
         return np.asarray(self.slope.T @ (tension * at.s - at.share * moment) + self.bend.T @ moment)
 
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
@@ -321,16 +337,21 @@ class KelvinVoigtForce(MaterialDamping):
     def power(self, t: Array, x: Array, u: Array) -> Array:
         """Return minus the dissipated power."""
         at = self._rates(self.elements.vectors(x), self.elements.vectors(u))
-        lost = self.axial * at.strain[..., 0] ** 2 + self.bending * dot(at.rate, at.rate)[..., 0]
+        lost = self.axial * (at.strain * at.pulled)[..., 0] + self.bending * dot(at.rate, at.rate)[..., 0]
         return np.asarray(-lost.sum(axis=(-1, -2)))
 
 
 class _Rates(NamedTuple):
-    """Of points of elements: r', r'.r''/|r'|^2, |r'|, the curvature as a vector; rates of strain and that."""
+    """Of points of elements: r', r'.r''/|r'|^2, |r'|, the curvature as a vector, and rates.
+
+    These are of the Green strain, of the strain that is damped times what that changes by along r', and of
+    the curvature.
+    """
 
     s: Array
     share: Array
     size: Array
     curvature: Array
     strain: Array
+    pulled: Array
     rate: Array

@@ -9,12 +9,18 @@ import numpy as np
 from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
 from hfsim.maths.shapes import gauss_legendre, hierarchic, interior
-from hfsim.parts.elements._base import GramLaw
+from hfsim.parts.elements._base import GramLaw, Measures
 
 
 def exact_points(degree: int) -> int:
     """Return the Gauss points that integrate the square of the Green strain, degree 4 (degree - 1)."""
     return 2 * degree - 1
+
+
+def gauss_points(measures: Measures, degree: int) -> tuple[int, int]:
+    """Return the Gauss points an element for stretch and for bending: those stated, or `exact_points`."""
+    enough = exact_points(degree)
+    return measures.axial_points or enough, measures.bending_points or enough
 
 
 def difference_rows(points: Array, derivative: int, degree: int = 3) -> Array:
