@@ -55,7 +55,7 @@ def dependence(
     joints : mapping of str to sequence of int
         Constraints of each joint.
     share : float
-        Component of a null vector from which a joint takes part.
+        Component of a null vector, over the largest one, from which a joint takes part.
     """
     if not Phi_x.shape[0]:
         return Dependence(0, 1.0, ())
@@ -67,7 +67,8 @@ def dependence(
         left, sizes = _weakest(unit)
         missing = int(np.sum(sizes <= LOST))
         weight = np.abs(left[:, : max(missing, 1)]).max(axis=1)
-    involved = (n for n, members in joints.items() if any((weight[rows[k]] > share).any() for k in members))
+    least = share * weight.max(initial=0.0)
+    involved = (n for n, members in joints.items() if any((weight[rows[k]] > least).any() for k in members))
     return Dependence(missing, float(sizes[0]), tuple(involved))
 
 

@@ -38,6 +38,8 @@ from hfsim.trust.validity import STEEP, truncated_beams, watch_validity
 
 FEW_REJECTED, LAST = 0.5, 100
 """Share of rejected steps of a run that is only long, and steps at its end that are held against all."""
+FLAT = 1e-2
+"""Stretch of a beam's axis below which it has next to no direction: joints that hold one lose it."""
 MASSLESS = 1e-8
 """Mass over the scene's total from which a body without inertia is to blame for motions too fast."""
 
@@ -107,10 +109,12 @@ def _wound_up(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
 
 
 def _dead_centre(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
-    """Joint equations that lose rank along the way."""
+    """Joint equations of several joints that lose rank along the way, not for want of a direction."""
     scene, end = trial.scene, trial.done.trajectory
     first, last = (joint_dependence(scene, q) for q in (scene.q, end.q))
-    if last.size > DEAD * first.size:
+    if last.size > DEAD * first.size or len(last.joints) < 2:
+        return None
+    if any(least[0] < FLAT for least in _stretches(scene, end.q[None]).values()):
         return None
     if item := left_out_counts(scene, end.q):
         return _left_out(stop, item, end.t_end, last.size)
@@ -238,14 +242,14 @@ def _fails(outcome: str) -> bool:
 
 
 def _crushed(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
-    """A beam pressed together beyond what Green strain can bear, while the energy was still kept."""
+    """A beam pressed together to nothing, or beyond what Green strain bears, while energy was still kept."""
     scene, path = trial.scene, trial.done.trajectory
-    limits = {one.name: limit for one in scene.bodies.values() if (limit := one.gives_way_at) is not None}
+    limits = {name: scene.bodies[name].gives_way_at or FLAT for name in scene.models}
     if not limits or not path.segments:
         return None
     ends = step_samples(path)
-    x = scene.system.absolute(ends.q)
-    stretches = np.stack([scene.bodies[name].smallest_stretch(x) / limits[name] for name in limits])
+    least = _stretches(scene, ends.q)
+    stretches = np.stack([least[name] / limit for name, limit in limits.items()])
     below = np.flatnonzero(stretches.min(axis=0) < 1.0)
     if not len(below) or not below[0]:
         return None
@@ -256,15 +260,21 @@ def _crushed(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
     if drift > GOOD_BALANCE:
         return None
     time, stretch = float(ends.t[k]), limits[name] * float(stretches[:, k].min())
-    reason = (
-        f"body '{name}' is pressed together to {stretch:.2g} of its length at t = {time:.4g} s: below "
-        f"{limits[name]:.3f} the force of Green strain gives way, and the beam collapses; "
-        f"{stop.reason} after that"
-    )
+    what, remedy = "its axis has no direction there", trial.command_until_then()
+    if limits[name] > FLAT:
+        what = f"below {limits[name]:.3f} the force of Green strain gives way, and the beam collapses"
+        entry = {f"bodies.{name}.strain": "engineering", f"bodies.{name}.curvature": "exact"}
+        remedy = command(scene.loaded, entry)
+    reason = f"body '{name}' is pressed together to {stretch:.2g} of its length at t = {time:.4g} s: {what}; "
+    reason += f"{stop.reason} after that"
     evidence = {"collapse_at": time, "smallest_stretch": stretch, "energy_drift_until_then": drift}
-    entry = {f"bodies.{name}.strain": "engineering", f"bodies.{name}.curvature": "exact"}
-    found = _classed(stop, "physical", f"bodies.{name}", evidence, command(scene.loaded, entry))
-    return replace(found, reason=reason)
+    return replace(_classed(stop, "physical", f"bodies.{name}", evidence, remedy), reason=reason)
+
+
+def _stretches(scene: Scene, q: Array) -> dict[str, Array]:
+    """Return the smallest stretch of each beam along its axis in states (n_batch, n), (n_batch,)."""
+    x = scene.system.absolute(q)
+    return {name: scene.bodies[name].smallest_stretch(x) for name in scene.models}
 
 
 def _linearised_at_the_end(trial: Experiments) -> tuple[Array, Array]:

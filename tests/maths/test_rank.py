@@ -73,3 +73,9 @@ def test_rows_of_zeros_are_dependent():
 def test_rows_of_zeros_are_missing_without_a_warning():
     found = measured(csr_array((ROWS, 5)))
     assert found.missing == ROWS
+
+
+def test_in_a_long_loop_the_part_of_each_joint_is_small():
+    J = np.eye(ROWS) - np.roll(np.eye(ROWS), 1, axis=1)
+    found = dependence(J, [slice(k, k + 1) for k in range(ROWS)], {f"j{k}": [k] for k in range(ROWS)}, 0.06)
+    assert found.missing == 1 and len(found.joints) == ROWS

@@ -536,3 +536,35 @@ def test_no_diagnosis_makes_no_experiments(tmp_path):
 def test_sound_runs_raise_no_suspicion(case):
     run = diagnosed(f"{case}.yaml", "solve.duration=0.5")
     assert run.status == "done" and run.statistics["suspicion"] is None and not run.statistics["validity"]
+
+
+FLATTENED = """hfsim: 1
+materials: {m: {density: 1000, youngs_modulus: 1.0e+8}}
+sections: {s: {area: 1.0e-4, second_moment: 1.0e-9}}
+ground: {points: {end: [1.0, 0.0]}}
+bodies:
+  b: {type: beam, material: m, section: s, length: 1.0, elements: 1, strain: engineering, curvature: exact}
+joints:
+  foot: {type: fixed, between: [ground, b.root]}
+  rail: {type: prismatic, between: [b.tip, ground.end], axis: [1, 0]}
+loads: {push: {type: force, at: b.tip, force: [-2.0e+4, 0.0]}}
+solve: {duration: 0.02}
+"""
+"""A rod that is pushed together to nothing, as engineering strain allows."""
+
+
+AS_DRIVERS = [
+    "joints.rail={type: driver, between: [b.tip, ground.end], axis: [0, 1], position: 0.0}",
+    "joints.turn={type: driver, between: [b.tip, ground.end], angle: 0.0}",
+]
+
+
+@pytest.mark.parametrize("changes", [[], AS_DRIVERS])
+def test_a_slope_that_shrinks_to_nothing_is_no_dead_centre(changes):
+    """With the slope at the tip the rows of its rail lose their rank: no two joints block the same motion."""
+    run = diagnosed(FLATTENED, *changes)
+    assert (run.failure["class"], run.failure["item"]) == ("physical", "bodies.b")
+    assert "dead centre" not in run.reason and "its axis has no direction there" in run.reason
+    assert run.failure["evidence"]["smallest_stretch"] < 0.01
+    assert 0.9 < run.failure["evidence"]["collapse_at"] / run.failure["time"] < 1.0
+    assert run.failure["try"].split("solve.duration=")[-1].startswith("0.0003")
