@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from copy import copy
 from functools import cached_property
@@ -71,7 +72,7 @@ class Facings:
         deck = self._deck
         stated = {name: entry.turn(3) for name, entry in deck.motions.items()}
         known = {"ground": LEVEL} | {name: R for name, R in stated.items() if R is not None}
-        steps = (by_holding, self._by_driver, _by_statement, _by_hinge, _by_orientation)
+        steps = (by_holding, self._by_driver, self._by_statement, self._by_hinge, _by_orientation)
         return self._spread(known, ("ground", *self._floating(known)), *steps)
 
     def _spread(self, known: dict[str, Array], names: Iterable[str], *steps: Step) -> dict[str, Array]:
@@ -88,7 +89,7 @@ class Facings:
     def _floating(self, known: Collection[str]) -> Iterator[str]:
         """Yield the first body of each group that joints hold together, if none of it is known."""
         holding = (joint for joint in self._joints.values() if joint.holds)
-        pairs = [{split_point(end)[0] for end in joint.between} for joint in holding]
+        pairs = [_bodies(joint) for joint in holding]
         reached = _connected(set(known), pairs)
         for name in self._deck.bodies:
             if name not in reached:
@@ -106,18 +107,36 @@ class Facings:
                 known[a] = R
         return len(known) > before
 
+    @cached_property
+    def _led(self) -> set[frozenset[str]]:
+        """Bodies of hinges whose angle is driven, or stated at the start: that hands them on, not a hinge."""
+        turning = [joint for joint in self._joints.values() if joint.follows_start and joint.holds]
+        joined = Counter(map(_bodies, turning))
+        return {pair for joint in turning if _leads(joint) and joined[pair := _bodies(joint)] > 1}
+
     def _by_driver(self, joint: JointSpec, known: Array, back: bool) -> Array | None:
         """Return where a hinge that is driven holds the other body."""
-        if not (joint.follows_start and joint.holds) or getattr(joint, "angle", None) is None:
-            return None
-        others = (one for one in self._joints.values() if one is not joint and one.holds)
-        hinges = (one for one in others if one.follows_start)
-        pair = {split_point(end)[0] for end in joint.between}
-        if not any(pair == {split_point(end)[0] for end in one.between} for one in hinges):
+        if not _leads(joint) or _bodies(joint) not in self._led:
             return None
         angle = float(joint.angle.build().value(np.zeros(1))[0])  # type: ignore[attr-defined]
         turn = rotation(angle * axis_of(joint)) @ _held(joint)
         return known @ (turn.T if back else turn)
+
+    def _by_statement(self, joint: JointSpec, known: Array, back: bool) -> Array | None:
+        """Return where a joint that leaves turns states that the other body is."""
+        if not (joint.swings or joint.turns) or _bodies(joint) in self._led:
+            return None
+        from hfsim.deck.orientation import matrix_of
+
+        stated = matrix_of(joint) if joint.swings else getattr(joint, "orientation", None)
+        return None if stated is None else known @ (_held(joint).T if back else _held(joint))
+
+    def _by_hinge(self, joint: JointSpec, known: Array, back: bool) -> Array | None:
+        """Return the smallest rotation from the ground's axes that puts one body's axis on the other's."""
+        states = getattr(joint, "orientation", None) is not None
+        if not joint.follows_start or not joint.turns or states or _bodies(joint) in self._led:
+            return None
+        return smallest_rotation(axis_of(joint), known @ axis_of(joint))
 
     @cached_property
     def centres(self) -> Array | None:
@@ -148,11 +167,20 @@ class Facings:
         return (A.T @ B if moved else stated,)
 
 
+def _bodies(joint: JointSpec) -> frozenset[str]:
+    return frozenset(split_point(end)[0] for end in joint.between)
+
+
+def _leads(joint: JointSpec) -> bool:
+    """Tell whether it is a driver that holds an angle, or what is stated of one."""
+    return joint.follows_start and joint.holds and getattr(joint, "angle", None) is not None
+
+
 def _among(joint: JointSpec, joints: Iterable[JointSpec]) -> bool:
     return any(one is joint for one in joints)
 
 
-def _connected(names: set[str], pairs: list[set[str]]) -> set[str]:
+def _connected(names: set[str], pairs: list[frozenset[str]]) -> set[str]:
     """Return all that pairs connect with some names."""
     count = 0
     while count < len(names):
@@ -168,29 +196,11 @@ def by_holding(joint: JointSpec, known: Array, back: bool) -> Array | None:
     return None if joint.swings else _by_orientation(joint, known, back)
 
 
-def _by_statement(joint: JointSpec, known: Array, back: bool) -> Array | None:
-    """Return where a joint that leaves turns states that the other body is."""
-    if not (joint.swings or joint.turns):
-        return None
-    from hfsim.deck.orientation import matrix_of
-
-    stated = matrix_of(joint) if joint.swings else getattr(joint, "orientation", None)
-    return None if stated is None else known @ (_held(joint).T if back else _held(joint))
-
-
 def _by_orientation(joint: JointSpec, known: Array, back: bool) -> Array | None:
     """Return where the other body is before a joint with an orientation turns."""
     if joint.follows_start or not hasattr(joint, "orientation"):
         return None
     return known @ (_held(joint).T if back else _held(joint))
-
-
-def _by_hinge(joint: JointSpec, known: Array, back: bool) -> Array | None:
-    """Return the smallest rotation from the ground's axes that puts one body's axis on the other's."""
-    states = getattr(joint, "orientation", None) is not None
-    if not joint.follows_start or not joint.turns or states:
-        return None
-    return smallest_rotation(axis_of(joint), known @ axis_of(joint))
 
 
 def axis_of(joint: Any) -> Array:

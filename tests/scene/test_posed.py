@@ -278,3 +278,36 @@ def test_contradictions_are_told_whole_and_with_the_entries_that_make_them(angle
     (problem,) = refusal.value.problems
     assert message in problem.message
     assert problem.hint.partition(";")[0] == f"correct or leave out initial.yaw.{key}"
+
+
+ROTOR = """hfsim: 1
+name: rotor
+gravity: [0.0, 0.0, -9.81]
+bodies:
+  hub: {type: rigid, mass: 5.0, inertia: [0.1, 0.1, 0.2], points: {"p{k=0..2}": ["${0.3 * cos(k * tau / 3)}", "${0.3 * sin(k * tau / 3)}", 0]}}
+  blade{k=0..2}: {type: rigid, mass: 1.0, inertia: [0.01, 0.1, 0.1], points: {root: [-1.0, 0.0, 0.0]}}
+joints:
+  axle: {type: revolute, between: [ground, hub]}
+  h{k=0..2}: {type: revolute, between: ["hub.p{k}", "blade{k}.root"], axis: AXIS ORIENTED}
+initial: {"h{k=0..2}": {angle: 80 deg}}
+solve: {duration: 1.0e-3}
+output: {interval: 1.0e-3, channels: [axle.angle, hub.rotation_z, h0.angle, h1.angle, h2.angle]}
+"""
+
+
+@pytest.mark.parametrize("driven", [0.0, 0.4])
+@pytest.mark.parametrize("oriented", ["", ', orientation: {axis: [0, 0, 1], angle: "${k * tau / 3}"}'])
+@pytest.mark.parametrize("axis", ["[0, 0, 1]", '["${-sin(k * tau / 3)}", "${cos(k * tau / 3)}", 0]'])
+def test_a_hub_of_which_nothing_is_stated_stands_unturned_or_as_it_is_driven(axis, oriented, driven):
+    """Not so that it and its blades turn least together, half of 80 deg each."""
+    text = ROTOR.replace("AXIS", axis).replace(" ORIENTED", oriented)
+    drive = [f"joints.drive={{type: driver, between: [ground, hub], angle: {driven}}}"] if driven else []
+    assert starting(text, *drive) == pytest.approx([driven, driven, *np.radians([80.0, 80.0, 80.0])], abs=1e-9)
+
+
+@pytest.mark.parametrize("oriented", ["", ", orientation: {axis: [0, 0, 1], angle: 0.3}"])
+def test_a_hinge_between_others_of_which_nothing_is_stated_starts_as_its_orientation_has_it(oriented):
+    text = SPATIAL.replace("shoulder: {type: revolute, between: [base.top, upper.root], axis: [0, -1, 0]", f"shoulder: {{type: revolute, between: [base.top, upper.root], axis: [0, -1, 0]{oriented}")
+    assert oriented in text
+    found = starting(text, "initial={elbow: {angle: 2}, rod: {angle: 1}}")
+    assert found[:4] == pytest.approx([0.0, 0.0, 2.0, 1.0], abs=1e-9)
