@@ -4,22 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
 from itertools import groupby
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.rank import LOST, null_space
 from hfsim.maths.rotations import rotation, rotation_vector, smallest_rotation
 from hfsim.mechanics.constraints import Constraint
+from hfsim.scene.closing import CLOSED
 from hfsim.scene.stated import AT_START, Start, Stated
 
 GROUND = None
+Turns: TypeAlias = "dict[int | None, Array]"
 
 
 def hand_on(start: Start, given: Stated, step: Callable[[Constraint], Array]) -> None:
-    """Take turns that are not stated from other bodies, along the constraints that fix them."""
-    stated, unknown = (start.turns_of(kind) for kind in (given.stated, given.open))
-    for k in _by_ties(start, start.turns_of(given.values), np.flatnonzero(stated[:, -1]), step) - {GROUND}:
-        unknown[k] = False
+    """Take turns that are not stated from other bodies, along the constraints and gears that fix them."""
+    turns, stated = start.turns_of(given.values), start.turns_of(given.stated)[:, -1]
+    known = _by_turns(start, turns, np.flatnonzero(stated), step, gears=())
+    geared = _by_turns(start, turns, known, step) - known if start.gears else set()
+    for k in (known | geared) - {GROUND}:
+        start.turns_of(given.open)[k] = False
+        start.turns_of(given.geared)[k] = k in geared
 
 
 def hand_on_known_faces(start: Start, place: Stated) -> None:
@@ -39,7 +46,7 @@ def hand_on_level(start: Start, x: Array, known: Iterable[int], heads: Collectio
         Bodies that stand as they are where nothing known fixes them, one after another.
     """
     if start.n_dim == 2:
-        _by_ties(start, start.turns_of(x), known, lambda tie: tie.target(AT_START), heads)
+        _by_turns(start, start.turns_of(x), known, lambda tie: tie.target(AT_START), heads)
         return
     reached = hand_on_faces(start, x, known)
     while _hand_on_hinges(start, x, reached):
@@ -47,37 +54,76 @@ def hand_on_level(start: Start, x: Array, known: Iterable[int], heads: Collectio
     hand_on_faces(start, x, reached, heads)
 
 
-def _by_ties(
+def _by_turns(
     start: Start,
     turns: Array,
-    given: Iterable[int],
+    given: Iterable[int | None],
     step: Callable[[Constraint], Array],
     heads: Collection[int] = (),
+    gears: Iterable[Constraint] | None = None,
 ) -> set[int | None]:
     """Set turns (n_bodies, n_spin) by those that are given; return which are known then, and the ground."""
-    known: dict[int | None, Array] = {GROUND: np.zeros(turns.shape[1])} | {int(k): turns[k] for k in given}
-    owner = start.linkage.owner
-    ties = [(tie, owner(tie.ends[0]), owner(tie.ends[1])) for tie in start.ties]
+    known: Turns = {GROUND: np.zeros(turns.shape[1])} | {int(k): turns[k] for k in given if k is not GROUND}
+    kinds = (start.ties, start.gears if gears is None else gears)
+    ties, geared = ([_Row.of(start, one, step) for one in kind] for kind in kinds)
+    tied = {k for row in (*ties, *geared) for k in row.factors}
 
-    def handed_on() -> bool:
-        before = len(known)
-        for tie, a, b in ties:
-            if a in known and b not in known:
-                known[b] = known[a] + step(tie)
-            elif b in known and a not in known:
-                known[a] = known[b] - step(tie)
-        return len(known) > before
-
-    tied = {end for _, *ends in ties for end in ends}
-    for head in (GROUND, *(k for k in heads if k in tied)):
-        if head is not GROUND:
-            known.setdefault(head, turns[head])
-        while handed_on():
+    def spread() -> None:
+        while _handed_on(known, ties) or _handed_on(known, geared) or _solved(known, ties, geared):
             pass
+
+    spread()
+    for head in heads:
+        if head in tied and head not in known:
+            known[head] = turns[head]
+            spread()
     for k, turn in known.items():
         if k is not GROUND:
             turns[k] = turn
     return set(known)
+
+
+class _Row(NamedTuple):
+    """A sum of turns of bodies, each with a factor, that a constraint holds at a value."""
+
+    factors: dict[int, float]
+    value: Array
+
+    @classmethod
+    def of(cls, start: Start, constraint: Constraint, step: Callable[[Constraint], Array]) -> _Row:
+        """Return it by which values constraints have."""
+        factors, level = dict[int, float](), np.zeros((1, start.linkage.n))
+        for marker, J in zip(constraint.ends, constraint.jacobians(level), strict=True):
+            if (k := start.linkage.owner(marker)) is not GROUND:
+                factors[k] = factors.get(k, 0.0) + float(J[0, 0, -1])
+        return cls({k: factor for k, factor in factors.items() if abs(factor) > CLOSED}, step(constraint))
+
+    def left(self, known: Turns) -> Array:
+        """Return what is left of the value for bodies that are not known."""
+        part = sum(factor * known[k] for k, factor in self.factors.items() if k in known)
+        return np.asarray(self.value - part)
+
+
+def _handed_on(known: Turns, rows: Iterable[_Row]) -> bool:
+    """Take the turns of bodies by rows in which all others are known; tell whether any was."""
+    before = len(known)
+    for row in rows:
+        if len(unknown := [k for k in row.factors if k not in known]) == 1:
+            known[unknown[0]] = row.left(known) / row.factors[unknown[0]]
+    return len(known) > before
+
+
+def _solved(known: Turns, ties: Iterable[_Row], gears: Iterable[_Row]) -> bool:
+    """Take turns that gears and ties fix only together; tell whether any was."""
+    if all(row.factors.keys() <= known.keys() for row in gears):
+        return False
+    rows = [row for row in (*ties, *gears) if not row.factors.keys() <= known.keys()]
+    unknown = list(dict.fromkeys(k for row in rows for k in row.factors if k not in known))
+    A = np.array([[row.factors.get(k, 0.0) for k in unknown] for row in rows])
+    turns = np.linalg.lstsq(A, np.array([row.left(known) for row in rows]), rcond=LOST)[0]
+    fixed = np.flatnonzero(np.abs(null_space(A)).max(axis=1, initial=0.0) < CLOSED)
+    known.update((unknown[k], turns[k]) for k in fixed)
+    return len(fixed) > 0
 
 
 def hand_on_faces(

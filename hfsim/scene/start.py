@@ -134,15 +134,18 @@ def _settle(start: Start, place: Stated) -> tuple[dict[str, Turn], Branches]:
         As in `Assembly`.
     """
     link, x, free = start.linkage, place.values, ~place.stated
-    shifts = free & ~link.turns
-    if link.closes(x, shifts):
-        return {}, partial(_told_ways, start, place, free)
-    from hfsim.scene.beside import by_itself, taken_back
+    shifts, counted = free & ~link.turns, place.geared
+    if not (closes := link.closes(x, shifts)):
+        from hfsim.scene.beside import by_itself
 
-    alone = by_itself(start, place, x)
-    if link.closes(alone, shifts):
-        x[:] = alone
-        return {}, partial(_told_ways, start, place, free)
+        alone, counted = by_itself(start, place, x), counted | (place.open & link.turns & ~link.turning)
+        if closes := link.closes(alone, shifts):
+            x[:] = alone
+    if closes:
+        follow = _following(start, counted, np.abs(x) > CLOSED)
+        return _turned(start, x, follow), partial(_told_ways, start, place, free, follow)
+    from hfsim.scene.beside import taken_back
+
     begin, unknown = x.copy(), start.turns_of(place.open).any(axis=1)
     starts = link.starts(begin, place.open & link.turns)
     if not (found := link.search(starts[:1], free)):
@@ -153,7 +156,8 @@ def _settle(start: Start, place: Stated) -> tuple[dict[str, Turn], Branches]:
     if guessed:
         found, free = _guesses(start, place, starts), ~place.exact
     x[:] = taken_back(start, place, _near(link, found[0], begin))
-    follow = _following(start, place.open & link.turns, np.abs(x - begin) > CLOSED)
+    moved = np.abs(x - np.where(place.geared, 0.0, begin)) > CLOSED
+    follow = _following(start, place.geared | (place.open & link.turns), moved)
     return _turned(start, x, follow), partial(_branches, start, place, free, begin, starts, follow, guessed)
 
 

@@ -52,6 +52,11 @@ class Start:
         """The constraints that hold whole turns."""
         return tuple(c for c in self.linkage.constraints if c.holds_turn)
 
+    @cached_property
+    def gears(self) -> tuple[Constraint, ...]:
+        """The constraints that hold turns against each other, full ones counted."""
+        return tuple(c for c in self.linkage.constraints if c.against and c.unit == "rad")
+
     def posed(self, gaps: Array | None = None) -> str:
         """Return deck paths of what is stated of joints, of all or of those with gaps (n_rows,), in words."""
         link = self.linkage
@@ -113,6 +118,8 @@ class Stated:
     stated, exact : ndarray of bool, shape (n,)
     open : ndarray of bool, shape (n,)
         What neither the deck states nor joints hand on.
+    geared : ndarray of bool, shape (n,)
+        What gears hand on.
     """
 
     parts: dict[str, slice]
@@ -123,3 +130,4 @@ class Stated:
     def __post_init__(self) -> None:
         self.given = self.values.copy()
         self.open = ~self.stated
+        self.geared = np.zeros_like(self.stated)

@@ -259,3 +259,56 @@ def test_the_other_way_to_close_is_told_with_the_full_turns_that_gears_count():
     assert told[0]["a"] % 360.0 == pytest.approx(30.0) and abs(told[0]["a"] - 30.0) > 1.0
     other = build(parse_deck(text.replace("INITIAL", f"a: {{angle: {float(told[0]['a'])!r} deg}}"))).assembly
     assert np.degrees(other.poses["b"].turn[0]) == pytest.approx(told[0]["b"])
+
+
+CLOSE = """hfsim: 1
+name: close
+gravity: [0.0, -9.81]
+bodies:
+  sun: {type: rigid, mass: 1, inertia: 0.01}
+  arm: {type: rigid, mass: 1, inertia: 0.02, points: {pin: [0.2, 0.05]}}
+  planet: {type: rigid, mass: 0.5, inertia: 0.005, points: {e: [0.1, 0.02]}}
+  rod: {type: rigid, mass: 0.5, inertia: 0.005, points: {e: [-0.3, 0.0]}}
+joints:
+  shaft: {type: revolute, between: [ground, sun]}
+  centre: {type: revolute, between: [ground, arm]}
+  pin: {type: revolute, between: [arm.pin, planet]}
+  weld: {type: fixed, between: [planet.e, rod.e], angle: 0.7}
+  inner: {type: gear, between: [sun, planet], carrier: arm, ratio: 2.0}
+  outer: {type: gear, between: [ground, planet], carrier: arm, ratio: 2.08}
+initial: {}
+solve: {duration: 1.0e-3}
+output: {interval: 1.0e-3, channels: [shaft.angle, centre.angle, pin.angle, sun.angle, arm.angle, planet.angle, rod.angle]}
+"""
+"""A differential gear whose arm turns 25 times as fast as its sun, the other way round."""
+
+
+@pytest.mark.parametrize("sun", [0.7, 1.0, -8.0, 40.0])
+@pytest.mark.parametrize(("joint", "ratio"), [("shaft", 1.0), ("centre", -25.0), ("pin", 52.0)])
+def test_a_start_stated_by_a_joint_is_handed_on_by_gears_with_all_turns(joint, ratio, sun):
+    """The planet turns against the arm by 2.08 (0 + 25 s), and by 2 (s + 25 s) as the sun has it."""
+    run = run_of(CLOSE, f"initial.{joint}.angle={ratio * sun}")
+    found = [run[f"{name}.angle"][0] for name in ("shaft", "centre", "pin", "sun", "arm", "planet", "rod")]
+    assert found == pytest.approx([sun, -25 * sun, 52 * sun, sun, -25 * sun, 27 * sun, 27 * sun + 0.7], abs=1e-9)
+    assert build(parse_deck(CLOSE, "c.yaml", [f"initial.{joint}.angle={ratio * sun}"])).assembly.closed.keys() >= {"planet", "rod"}
+
+
+def test_where_nothing_is_stated_of_gears_the_first_wheel_stands_unturned():
+    deck = NEAR.replace("INITIAL", "{}").replace("initial: {{}}", "initial: {}").replace("ratio: 3}", "ratio: 3, angle: 0.5}")
+    found = build(parse_deck(deck)).assembly.poses
+    assert [pose.turn[0] for pose in found.values()] == pytest.approx([0.0, 0.0, 0.5], abs=1e-12)
+
+
+def test_gears_that_contradict_what_is_stated_hand_nothing_on():
+    """Those of others, which two gears lock, do all the same."""
+    text = CLOSE.replace("bodies:", "bodies:\n  a: {type: rigid, mass: 1, inertia: 1}\n  b: {type: rigid, mass: 1, inertia: 1}")
+    text = text.replace("joints:", """joints:
+  left: {type: revolute, between: [ground, a]}
+  right: {type: revolute, between: [ground, b]}
+  fast: {type: gear, between: [a, b], ratio: 7}
+  slow: {type: gear, between: [a, b], ratio: 6.5, angle: 20}""")
+    with pytest.raises(DeckError, match=r"correct or leave out initial\.shaft\.angle, initial\.centre\.angle\)"):
+        build(parse_deck(text, "c.yaml", ["initial={shaft: {angle: 1}, centre: {angle: 3}}"]))
+    found = build(parse_deck(text, "c.yaml", ["initial={sun: {angle: 1}, arm: {angle: -24.9}}"])).assembly
+    assert {change.body for change in found.changes} == {"sun", "arm"}
+    assert [found.poses[name].turn[0] for name in "ab"] == pytest.approx([40.0, 280.0])
