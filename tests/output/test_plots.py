@@ -9,15 +9,17 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import RendererAgg
+from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.colors import to_rgb
 from matplotlib.font_manager import FontProperties
+from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from hfsim.marching.solution import Channel
+from hfsim.output.plots.figures import new_figure, set_title, set_title_above
 from hfsim.output.plots.files import save
 from hfsim.output.plots.history import time_figures
-from hfsim.output.plots.ink import DPI, Ink, text_width
+from hfsim.output.plots.ink import DPI, Ink, fitted, text_width
 from hfsim.output.plots.letters import plain
 from hfsim.output.plots.panel import Arrow, Curve, Note, Strokes
 from hfsim.output.plots.run import draw_run
@@ -307,15 +309,82 @@ def test_titles_legends_and_labels_stay_apart(run, size):
         oblique_shapes(other),
     ]
     for figure in figures:
-        found = written(figure)
-        assert {*figure.title, *figure.legend} <= {text for text, _ in found}
-        boxes = [box.padded(1.0) for _, box in found]
-        boxes += [Bbox.from_extents(*(DPI * np.array(one.frame))) for one in figure.panels if one.framed]
-        width, height = DPI * np.array(figure.size)
-        for k, box in enumerate(boxes):
-            assert 0.0 <= box.x0 < box.x1 <= width and 0.0 <= box.y0 < box.y1 <= height, "nothing is cut off"
-            over = [one for one in boxes[k + 1 :] if box.overlaps(one)]
-            assert not over, (found[k][0], figure.title)
+        assert_apart(figure)
+
+
+def assert_apart(figure):
+    """Assert that all words of a picture are there, and lie neither outside nor on one another."""
+    found = written(figure)
+    assert {*figure.title, *figure.legend} <= {text for text, _ in found}
+    boxes = [box.padded(1.0) for _, box in found]
+    boxes += [Bbox.from_extents(*(DPI * np.array(one.frame))) for one in figure.panels if one.framed]
+    width, height = DPI * np.array(figure.size)
+    for k, box in enumerate(boxes):
+        assert 0.0 <= box.x0 < box.x1 <= width and 0.0 <= box.y0 < box.y1 <= height, "nothing is cut off"
+        over = [one for one in boxes[k + 1 :] if box.overlaps(one)]
+        assert not over, (found[k][0], figure.title)
+
+
+def test_every_curve_of_very_many_can_be_told_apart(run):
+    """Thirty, five times as many as there are colours, of which some coincide."""
+    wave = np.sin(6.0 * run.t)
+    figure = drawn(run, **{f"link{k}__speed": ("m/s", wave * (k // 2)) for k in range(30)})["velocity"]
+    assert len({(one.pen.colour, one.pen.dashes) for one in figure.legend.values()}) == 30
+    assert_apart(figure)
+    points = {f"link{k}__{axis}": ("m", wave + k) for k in range(10) for axis in "xyz"}
+    channels = tuple(Channel(name.replace("__", "."), *one) for name, one in points.items())
+    figure = track_figure(replace(run, channels=channels))
+    pens = [one.pen for label, one in figure.legend.items() if label not in ("start", "end")]
+    assert len(set(pens)) == 10 and [bool(pen.dashes) for pen in pens] == [False] * 6 + [True] * 4
+
+
+def test_channels_of_several_units_share_no_colour(run):
+    wave = np.sin(6.0 * run.t)
+    figure = drawn(run, constraint__position=("m", wave), constraint__velocity=("m/s", wave))["constraint"]
+    assert len(figure.panels) == 2 and len({one.pen.colour for one in figure.legend.values()}) == 2
+
+
+def test_labels_longer_than_their_axes_are_broken(run):
+    wave = np.sin(6.0 * run.t)
+    names = [f"{body}__angular_velocity_{axis}" for body in ("hub", "whip") for axis in "xyz"]
+    figure = drawn(run, **{name: ("rad/s", 1e-6 * wave) for name in names})["angular_velocity"]
+    assert_apart(figure)
+    assert [text for text, _ in written(figure)].count("[1e-6 rad/s]") == 3
+
+
+def test_text_is_broken_into_what_fits():
+    label = "max(bob_of_a_long_name.angular_velocity) [1e-6 rad/s]"
+    for wide in (6.0, 2.0, 1.5):
+        lines, size = fitted(label, wide)
+        assert "".join(lines).replace(" ", "") == label.replace(" ", "") and size == 10.0
+        assert max(text_width(line) for line in lines) <= wide
+        assert any("[1e-6 rad/s]" in line for line in lines)
+    lines, size = fitted("w" * 50, 2.0)
+    assert lines == ["w" * 50] and text_width(lines[0], size) == pytest.approx(2.0, rel=0.1)
+
+
+@pytest.mark.parametrize("write", [set_title, set_title_above])
+def test_titles_of_figures_are_as_wide_as_these(write):
+    figure = new_figure((6.0, 3.0))
+    figure.subplots()
+    write(figure, "a_deck_of_a_name_that_somebody_thought_would_be_fine_for_a_tether, exact: some modes")
+    FigureCanvasAgg(figure).draw()
+    (title,) = (one for one in figure.findobj(Text) if "deck" in one.get_text())
+    box = title.get_window_extent()
+    assert 0.0 <= box.x0 < box.x1 <= figure.bbox.x1 and box.y1 <= figure.bbox.y1
+
+
+def test_a_single_row_has_no_pictures_against_time(run, tmp_path):
+    first = replace(
+        run,
+        t=run.t[:1],
+        channels=tuple(one._replace(values=one.values[:1]) for one in run.channels),
+        outline_t=run.outline_t[:1],
+        outlines={body: points[:1] for body, points in run.outlines.items()},
+        fine=None,
+    )
+    assert draw_run(first, tmp_path) == ["shapes.png", "oblique.png"]
+    assert shapes_figure(first).bar is None and shapes_figure(run).bar is not None
 
 
 def test_words_are_drawn_letter_by_letter_as_the_library_lays_them_out():

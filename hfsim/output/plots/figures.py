@@ -19,7 +19,7 @@ from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullFormatter
 
 from hfsim.output.plots import import_library
-from hfsim.output.plots.ink import DPI
+from hfsim.output.plots.ink import DPI, fitted
 from hfsim.output.plots.letters import unwarned
 from hfsim.output.plots.png import write_png
 from hfsim.output.plots.scale import Scale
@@ -34,6 +34,8 @@ from matplotlib.figure import Figure  # noqa: E402
 
 _UNDATED: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 """What makes files of one picture the same, whenever it is drawn."""
+_BESIDE = 1.0
+"""What there is left and right of the title above axes, about [inch]."""
 _NO_LABEL = re.compile(r"|_child\d+|_nolegend_")
 """Labels that the library gives to what has none."""
 
@@ -140,8 +142,15 @@ def finished(figure: Figure, title: str, rows: Sequence[Axes] = ()) -> Figure:
 
 
 def set_title(figure: Figure, text: str) -> None:
-    """Write a title above the first axes."""
-    figure.axes[0].set_title(text, fontsize=12, loc="left", pad=10)
+    """Write a title above the first axes, in as many lines as the width of the figure makes it."""
+    title = fitted(text, figure.get_figwidth() - _BESIDE, 12.0)
+    figure.axes[0].set_title("\n".join(title.lines), fontsize=title.size, loc="left", pad=10)
+
+
+def set_title_above(figure: Figure, text: str) -> None:
+    """Write a title above all axes of a figure, in as many lines as its width makes it."""
+    title = fitted(text, 0.97 * figure.get_figwidth(), 12.0)
+    figure.suptitle("\n".join(title.lines), fontsize=title.size, x=0.01, ha="left")
 
 
 def outside_legend(figure: Figure, rows: Sequence[Axes]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, count
 from typing import NamedTuple
 
 import numpy as np
@@ -13,17 +13,15 @@ from hfsim.marching.alike import jumps
 from hfsim.marching.rounding import levelled
 from hfsim.marching.solution import Channel, Run
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.output.plots.ink import Mark, Pen
+from hfsim.output.plots.ink import Colour, Mark, Pen
 from hfsim.output.plots.panel import Curve, Note, Panel, mark_zero
 from hfsim.output.plots.scale import with_unit
 from hfsim.output.plots.sheet import Sheet
-from hfsim.output.plots.style import SIZE, colour, headline, slug
+from hfsim.output.plots.style import COLOURS, DASHES, SIZE, colour, dashes, headline, slug
 from hfsim.parts.channels import CHANNELS, kind_of
 
 _BETWEEN = 0.2
 """Between two rows [inch]."""
-_DASHES = ((), (4.0, 3.0), (1.2, 2.4), (6.0, 2.0, 1.2, 2.0))
-"""Of a curve that covers none, one, two, three others."""
 _LINE = 0.006
 """Height of a line in those of its axes."""
 _BEFORE = 0.9
@@ -73,8 +71,8 @@ def _quantities_figure(run: Run, channels: Sequence[Channel]) -> Sheet:
     rows = []
     for wanted in quantities:
         own = [channel for channel in channels if _parts(channel)[1] == wanted]
-        colours = [colour(subjects.index(_parts(channel)[0])) for channel in own]
-        curves = [Shown(c, _parts(c)[0], shade) for c, shade in zip(own, colours, strict=True)]
+        named = [(channel, _parts(channel)[0]) for channel in own]
+        curves = [Shown(channel, subject, subjects.index(subject)) for channel, subject in named]
         rows.append(Row(with_unit(wanted, channels[0].unit), curves))
     points = " of points" if kind_of(channels[0].name).plot.rows else ""
     of = f" of {subjects[0]}" if len(subjects) == 1 else points
@@ -83,21 +81,43 @@ def _quantities_figure(run: Run, channels: Sequence[Channel]) -> Sheet:
 
 def _units_figure(run: Run, channels: Sequence[Channel]) -> Sheet:
     """Draw a row for each unit and a colour for each channel."""
-    words, rows = _words(channels), []
+    words, rows, numbers = _words(channels), [], count()
     for unit in dict.fromkeys(channel.unit for channel in channels):
         own = [channel for channel in channels if channel.unit == unit]
-        curves = [Shown(channel, channel.name, colour(i)) for i, channel in enumerate(own)]
+        curves = [Shown(channel, channel.name, next(numbers)) for channel in own]
         rows.append(Row(with_unit(words, unit), curves))
     title = headline(run, channels[0].name if len(channels) == 1 else words)
     return _over_time(run, rows, 3.2 if len(rows) == 1 else 2.2, title)
 
 
 class Shown(NamedTuple):
-    """A channel as it is drawn."""
+    """A channel as it is drawn.
+
+    Attributes
+    ----------
+    number : int
+        Of what it is of in the picture, which has a colour; see `colour`.
+    """
 
     channel: Channel
     label: str
-    colour: str
+    number: int
+
+    @property
+    def repeats(self) -> bool:
+        """Whether its colour is that of another one too."""
+        return self.number >= len(COLOURS)
+
+    def pen(self, over: int, repeated: bool) -> Pen:
+        """Return how it is drawn where it covers some others.
+
+        It is dashed, so that they are seen; where colours are ``repeated``, and dashes tell which one of a
+        colour it is, it is thin.
+        """
+        own = colour(self.number)
+        if repeated:
+            return Pen(own, 1.0 if over else 1.7, dashes(self.number))
+        return Pen(own, 1.5 if over else 1.7, DASHES[over % len(DASHES)])
 
 
 class Row(NamedTuple):
@@ -109,38 +129,39 @@ class Row(NamedTuple):
 
 def _over_time(run: Run, rows: Sequence[Row], height: float, title: str) -> Sheet:
     sheet = Sheet()
-    breaks = jumps([curve.channel for row in rows for curve in row.curves])
+    curves = [curve for row in rows for curve in row.curves]
+    breaks, repeated = jumps([curve.channel for curve in curves]), any(curve.repeats for curve in curves)
     for number, row in enumerate(rows):
         below = (len(rows) - 1 - number) * (height + _BETWEEN)
         panel = sheet.add(0.0, below, SIZE[0] - 1.2, height)
-        _draw(panel, run, row, breaks)
+        _draw(panel, run, row, breaks, repeated)
         panel.dress("time [s]", row.label)
         if below:
             panel.hide_numbers()
     return sheet.finish(title, sheet.panels)
 
 
-def _draw(panel: Panel, run: Run, row: Row, breaks: Mapping[str, IntArray]) -> None:
-    """Draw the curves of a row: those that cover another one are dashed, and what is off scale is marked."""
+def _draw(panel: Panel, run: Run, row: Row, breaks: Mapping[str, IntArray], repeated: bool) -> None:
+    """Draw the curves of a row, with marks for what is off scale; see `Shown.pen`."""
     values = [curve.channel.values for curve in row.curves]
     low, high, beyond = limits(values, run.status == "failed")
     marks: list[Curve | Note] = []
     for curve, over in zip(row.curves, covering(values, high - low), strict=True):
         t, drawn = broken(run.t, curve.channel, breaks)
-        pen = Pen(curve.colour, 1.5 if over else 1.7, _DASHES[over % len(_DASHES)])
+        pen = curve.pen(over, repeated)
         shown = np.clip(drawn, 2.0 * low - high, 2.0 * high - low)
         panel.things.append(Curve(np.column_stack([t, shown]), pen, curve.label))
         if beyond and np.nanmax(drawn) > high:
-            marks += _off_scale(t[np.nanargmax(drawn)], high, "^", curve.colour)
+            marks += _off_scale(t[np.nanargmax(drawn)], high, "^", pen.colour)
         if beyond and np.nanmin(drawn) < low:
-            marks += _off_scale(t[np.nanargmin(drawn)], low, "v", curve.colour)
+            marks += _off_scale(t[np.nanargmin(drawn)], low, "v", pen.colour)
     begin, end = float(run.t[0]), float(run.t[-1])
     panel.limit((begin - 0.02 * (end - begin), end + 0.02 * (end - begin) or 1.0), (low, high))
     panel.things += marks
     mark_zero(panel)
 
 
-def _off_scale(t: float, edge: float, shape: str, own: str) -> tuple[Curve, Note]:
+def _off_scale(t: float, edge: float, shape: str, own: Colour) -> tuple[Curve, Note]:
     """Return a mark at the edge of the axes, and what it means."""
     up, down = ("top", -12.0) if shape == "^" else ("bottom", 12.0)
     mark = Curve(np.array([(t, edge)]), mark=Mark(shape, 9.0, own, own), clipped=False)

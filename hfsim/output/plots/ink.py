@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple
@@ -20,7 +21,11 @@ DPI = 110
 """Pixels to the inch in pictures of pixels."""
 POINT = 1.0 / 72.0
 """Unit of sizes of letters, marks and lines [inch]."""
+LINE = 1.35
+"""Height of a line of text over its size."""
 _HERE: Any = IdentityTransform()
+_AFTER_WORDS, _WITHIN_WORDS = re.compile(r"(?<= )(?![^\[]*\])"), re.compile(r"(?<=[._(])")
+"""Where a text may be broken, but not inside of a unit; and where a long word may."""
 
 DASHED, DOTTED = (3.7, 1.6), (1.0, 1.65)
 """Lengths of dashes and gaps in widths of the line."""
@@ -175,3 +180,34 @@ def _sign(shape: str, size: float) -> tuple[MarkerStyle, Any, bool]:
 def text_width(text: str, size: float = 10.0) -> float:
     """Return the width of the longest line of a text in letters of a size [points] as it is drawn [inch]."""
     return max(width(line, size, DPI) for line in text.split("\n")) / DPI
+
+
+def wrapped(text: str, wide: float, size: float = 10.0, within: bool = False) -> list[str]:
+    """Return a text broken into lines no wider than stated [inch], but for single words.
+
+    Those too are broken where that is ``within`` words: after points, underscores and parentheses.
+    """
+    lines = list[str]()
+    for line in text.split("\n"):
+        lines.append("")
+        for word in _AFTER_WORDS.split(line):
+            parts = within and text_width(word.rstrip(), size) > wide
+            for piece in _WITHIN_WORDS.split(word) if parts else [word]:
+                if lines[-1] and text_width(f"{lines[-1]}{piece}".rstrip(), size) > wide:
+                    lines.append("")
+                lines[-1] += piece
+    return [line.rstrip() for line in lines]
+
+
+class Fitted(NamedTuple):
+    """A text in lines, and the size of its letters [points]."""
+
+    lines: list[str]
+    size: float
+
+
+def fitted(text: str, wide: float, size: float = 10.0) -> Fitted:
+    """Return a text in lines no wider than stated [inch], in smaller letters where it cannot be broken."""
+    lines = wrapped(text, wide, size, within=True) if text else []
+    widest = max((text_width(line, size) for line in lines), default=0.0)
+    return Fitted(lines, size * min(1.0, wide / widest) if widest else size)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.output.plots.figures import dress, new_figure, outside_legend, set_title
+from hfsim.output.plots.figures import dress, new_figure, outside_legend, set_title, set_title_above
 from hfsim.output.plots.files import save
 from hfsim.output.plots.space import oblique
-from hfsim.output.plots.style import BLUE, RED, colour
+from hfsim.output.plots.style import BLUE, RED, colour, dashes
 from hfsim.studies.modes import Campbell, Mode, Modes
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def _page(found: Modes, modes: Sequence[Mode]) -> Figure:
     words = (
         f"{about.scene.deck.name}, {about.scene.model}: modes; grey: {about.state}{turning}; both extremes"
     )
-    figure.suptitle(words, fontsize=11, x=0.01, ha="left")
+    set_title_above(figure, words)
     return figure
 
 
@@ -152,7 +152,11 @@ def draw_campbell(result: Campbell, folder: Path) -> list[str]:
         every = np.concatenate([rates, [one.rate for one in own]])
         curve = np.concatenate([values, [one.frequency for one in own]])
         sorted_places = np.argsort(every, kind="stable")
-        axes.plot(every[sorted_places], curve[sorted_places], color=colour(k), linewidth=1.5, label=label)
+        style = (0.0, dashes(k)) if dashes(k) else "-"
+        axes.plot(
+            every[sorted_places], curve[sorted_places], color=colour(k), linestyle=style, linewidth=1.5,
+            label=label,
+        )  # fmt: skip
         axes.plot(rates, values, "o", color=colour(k), markersize=3.0)
         top = max(top, float(np.nanmax(values, initial=0.0)))
         tracks = [result.tracks[number - 1] for number in numbers]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.output.plots.ink import POINT, Colour, Frame, Ink, Mark, Pen, text_width
+from hfsim.output.plots.ink import LINE, POINT, Colour, Fitted, Frame, Ink, Mark, Pen, fitted, text_width
 from hfsim.output.plots.scale import Axis
 
 _TICK, _TO_WORDS, _TO_LABEL = 3.5 * POINT, 7.0 * POINT, 4.0 * POINT
@@ -162,6 +162,11 @@ class Panel:
         return [one for one in self.things if isinstance(one, Curve) and one.label]
 
     @property
+    def upward_label(self) -> Fitted:
+        """What is written beside it, no longer than it is high."""
+        return fitted(self.upward.label, self.height)
+
+    @property
     def frame(self) -> Frame:
         """Where it is on the sheet [inch]."""
         return self.left, self.bottom, self.left + self.width, self.bottom + self.height
@@ -224,11 +229,11 @@ class Panel:
         below = bottom - _TO_WORDS - _NUMBER - _TO_LABEL
         if self.across.label:
             ink.words(self.across.label, 0.5 * (left + right), below, across="center", up="top")
-        if self.upward.label:
-            wide = max(map(text_width, self.upward.words), default=0.0)
-            beside = left - _TO_WORDS - wide - _TO_LABEL
-            middle = 0.5 * (bottom + top)
-            ink.words(self.upward.label, beside, middle, across="center", up="bottom", turned=True)
+        beside = left - _TO_WORDS - max(map(text_width, self.upward.words), default=0.0) - _TO_LABEL
+        label, middle = self.upward_label, 0.5 * (bottom + top)
+        for line in reversed(label.lines):
+            ink.words(line, beside, middle, label.size, across="center", up="bottom", turned=True)
+            beside -= LINE * label.size * POINT
 
 
 def _most(room: float, most: int) -> int:

@@ -16,8 +16,8 @@ from hfsim.output.plots.space import oblique_shapes, shapes_figure, track_figure
 def draw_run(run: Run, folder: Path, budget: Budget | None = None) -> list[str]:
     """Draw one run with finite values: channels against time, paths of points, shapes of the bodies.
 
-    Return the files: of plots for which channels or outlines exist, none for an empty run. Pictures that the
-    budget does not suffice for are not drawn.
+    Return the files: of plots for which channels or outlines exist, none for an empty run. Nothing is drawn
+    against time for a single row, and pictures that the budget does not suffice for are not drawn.
     """
     if not len(run.t):
         return []
@@ -26,7 +26,7 @@ def draw_run(run: Run, folder: Path, budget: Budget | None = None) -> list[str]:
 
         return draw_static(run, folder)
     run = run.drawn
-    figures: dict[str, Sheet | None] = {**time_figures(run)}
+    figures: dict[str, Sheet | None] = {**(time_figures(run) if len(run.t) > 1 else {})}
     figures |= {"path": track_figure(run), "shapes": shapes_figure(run)}
     if run.dimension == 3:
         figures["oblique"] = oblique_shapes(run)

@@ -12,14 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.output.plots.ink import POINT, Ink, Pen, text_width
+from hfsim.output.plots.ink import LINE, POINT, Ink, Pen, text_width, wrapped
 from hfsim.output.plots.panel import Curve, Panel
 
 _NORMAL, _TITLE = 10.0, 12.0
 _EDGE, _GAP = 0.12, 0.08
 """Around all that is drawn, and between parts of it [inch]."""
-_LINE = 1.35
-"""Height of a line of text over its size."""
 _KEY, _AFTER, _PITCH = 16.0 * POINT, 8.0 * POINT, 15.0 * POINT
 """Of a legend: width of a sign, from there to its words, from a line to the next [inch]."""
 _BAR = 0.16
@@ -65,6 +63,8 @@ class Sheet:
         self.title: list[str] = []
         self.legend: dict[str, Curve] = {}
         self.bar: Bar | None = None
+        self._columns: list[list[str]] = []
+        """Of the legend."""
         self._corner = (0.0, 0.0)
         """Lower left one of the panels [inch]."""
 
@@ -80,13 +80,13 @@ class Sheet:
         left, bottom = self._left(), self._bottom()
         found = {curve.label: curve for panel in rows for curve in panel.curves}
         self.legend, self.bar = found if len(found) > 1 else {}, bar
-        beside = 2 * _GAP + self._legend_width if self.legend else 0.0
+        self._columns = _columns([*self.legend], int((high + bottom - _EDGE) / _PITCH))
+        beside = sum(map(_width, self._columns))
         right = beside + self._bar_room + _EDGE
-        self.title = _lines(title, wide + right - _EDGE)
+        self.title = wrapped(title, wide + right - _EDGE, _TITLE)
         room = max(text_width(line, _TITLE) for line in self.title)
         right += max(0.0, room - wide - right + _EDGE)
-        top = 2 * _GAP + len(self.title) * _TITLE * _LINE * POINT
-        top += max(0.0, len(self.legend) * _PITCH - high - bottom)
+        top = 2 * _GAP + len(self.title) * _TITLE * LINE * POINT
         self.size = left + wide + right, bottom + high + top
         self._corner = left, bottom
         for panel in self.panels:
@@ -100,25 +100,23 @@ class Sheet:
         for panel in self.panels:
             panel.draw(ink)
         (left, bottom), (wide, high) = self._corner, self._extent
-        pitch = _TITLE * _LINE * POINT
+        pitch = _TITLE * LINE * POINT
         for k, line in enumerate(reversed(self.title)):
             ink.words(line, left, bottom + high + 2 * _GAP + k * pitch, _TITLE, up="bottom")
         if self.bar is not None:
             self._draw_bar(ink, self.bar, left + wide + 2 * _GAP)
         x = left + wide + self._bar_room + 2 * _GAP
-        for k, (label, curve) in enumerate(self.legend.items()):
-            y = bottom + high - (k + 0.5) * _PITCH
-            curve.draw_key(ink, x, y, _KEY)
-            ink.words(label, x + _KEY + _AFTER, y, up="middle")
+        for column in self._columns:
+            for k, label in enumerate(column):
+                y = bottom + high - (k + 0.5) * _PITCH
+                self.legend[label].draw_key(ink, x, y, _KEY)
+                ink.words(label, x + _KEY + _AFTER, y, up="middle")
+            x += _width(column)
 
     @property
     def _extent(self) -> tuple[float, float]:
         """Width and height of all axes together [inch]."""
         return max(one.x + one.width for one in self.panels), max(one.y + one.height for one in self.panels)
-
-    @property
-    def _legend_width(self) -> float:
-        return _KEY + _AFTER + max(map(text_width, self.legend))
 
     @property
     def _bar_room(self) -> float:
@@ -131,7 +129,7 @@ class Sheet:
         for panel in self.panels:
             if panel.framed and not panel.x:
                 words = max(map(text_width, panel.upward.words), default=0.0)
-                label = _LINE * _NORMAL * POINT if panel.upward.label else 0.0
+                label = LINE * panel.upward_label.size * POINT * len(panel.upward_label.lines)
                 room.append(_EDGE + label + 2 * _GAP + words)
         return max(room)
 
@@ -139,7 +137,7 @@ class Sheet:
         """Return the room below all axes [inch]."""
         if not any(panel.framed for panel in self.panels if not panel.y):
             return 0.3  # a word on what is seen
-        return _EDGE + _GAP + 2 * _LINE * _NORMAL * POINT
+        return _EDGE + _GAP + 2 * LINE * _NORMAL * POINT
 
     def _draw_bar(self, ink: Ink, bar: Bar, x: float) -> None:
         low, high = self._corner[1], self._corner[1] + self._extent[1]
@@ -154,16 +152,15 @@ class Sheet:
         ink.words("time [s]", beside, 0.5 * (low + high), across="center", turned=True)
 
 
-def _lines(title: str, width: float) -> list[str]:
-    """Return a title broken into lines no wider than stated [inch], but for single words."""
-    lines = [""]
-    for word in title.split(" "):
-        longer = f"{lines[-1]} {word}" if lines[-1] else word
-        if lines[-1] and text_width(longer, _TITLE) > width:
-            lines.append(word)
-        else:
-            lines[-1] = longer
-    return lines
+def _columns(labels: Sequence[str], most: int) -> list[list[str]]:
+    """Return labels in columns as long as one another, as near as may be, and no longer than ``most``."""
+    rows = -(-len(labels) // -(-len(labels) // max(1, most))) if labels else 1
+    return [[*labels[k : k + rows]] for k in range(0, len(labels), rows)]
+
+
+def _width(column: Sequence[str]) -> float:
+    """Return the width of a column of a legend, with what separates it from what is left of it [inch]."""
+    return 2 * _GAP + _KEY + _AFTER + max(map(text_width, column))
 
 
 def _rectangle(left: float, bottom: float, right: float, top: float) -> Array:

@@ -10,7 +10,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 from matplotlib.transforms import Affine2D
 
-from hfsim.output.plots.figures import new_figure, set_title
+from hfsim.output.plots.figures import new_figure, set_title, set_title_above
 from hfsim.output.plots.files import save
 from hfsim.output.plots.style import GREEN, ORANGE, PURPLE, RED, SKY, YELLOW
 from hfsim.studies.stability.results import StabilityMap
@@ -60,7 +60,7 @@ def _map_figure(result: StabilityMap) -> Figure:
         panels[i, 0].set_ylabel(result.axes[0].label)
     for axes in panels[-1]:
         axes.set_xlabel(result.axes[1].label)
-    figure.suptitle(f"{result.name}: where methods and models hold", fontsize=12, x=0.01, ha="left")
+    set_title_above(figure, f"{result.name}: where methods and models hold")
     _class_legend(figure, result)
     return figure
 

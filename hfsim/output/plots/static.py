@@ -15,7 +15,7 @@ from hfsim.output.plots.panel import Curve, Panel, Strokes
 from hfsim.output.plots.sheet import Sheet
 from hfsim.output.plots.snapshots import snapshot_figures
 from hfsim.output.plots.space import oblique, oblique_axes, views_of
-from hfsim.output.plots.style import SIZE, colour, headline
+from hfsim.output.plots.style import SIZE, colour, dashes, headline
 
 WORDS = {"limits": "limit point", "branches": "branch"}
 BEFORE = "0.65"
@@ -51,7 +51,8 @@ def _draw(panel: Panel, outlines: dict[str, Array]) -> None:
         panel.things.append(Curve(points[0], Pen(BEFORE, 1.2, DASHED), "start"))
         own = colour(k)
         panel.things.append(Strokes([*points[1:-1]], Pen(to_rgba(own, 0.4))))
-        panel.things.append(Curve(points[-1], Pen(own, 2.0), body, Mark("o", 3.0, own, own), ends=True))
+        pen, mark = Pen(own, 2.0, dashes(k)), Mark("o", 3.0, own, own)
+        panel.things.append(Curve(points[-1], pen, body, mark, ends=True))
 
 
 def _path(run: Run) -> Sheet | None:
@@ -70,9 +71,9 @@ def _path(run: Run) -> Sheet | None:
         panel.things.append(Curve(points, Pen(own, 1.5), channel.name, Mark("o", 2.0, own, own)))
     panel.fit()
     ends = panel.across.low, panel.across.high
-    for kind, dashes in (("limits", DOTTED), ("branches", DASHED)):
+    for kind, dotted in (("limits", DOTTED), ("branches", DASHED)):
         for load in run.statistics.get(kind) or ():
             line = np.array([(end, load) for end in ends])
-            panel.things.append(Curve(line, Pen("0.5", 0.8, dashes), WORDS[kind]))
+            panel.things.append(Curve(line, Pen("0.5", 0.8, dotted), WORDS[kind]))
     panel.dress(f"displacement [{unit}]", "load factor")
     return sheet.finish(headline(run, "the load along its path"), [panel])

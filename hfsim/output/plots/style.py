@@ -19,6 +19,8 @@ BLUE, RED, GREEN, PURPLE, ORANGE, SKY, YELLOW = (
 )
 COLOURS = (BLUE, RED, GREEN, PURPLE, ORANGE, SKY)
 """Okabe and Ito's colours, which colour-blind readers can tell apart; the yellow is too pale for lines."""
+DASHES = ((), (4.0, 3.0), (1.2, 2.4), (6.0, 2.0, 1.2, 2.0), (4.0, 1.5, 1.2, 1.5, 1.2, 1.5))
+"""Of curves of one colour, in widths of the line; see `hfsim.output.plots.ink.Pen`."""
 TIME_COLOURS = ListedColormap(matplotlib.colormaps["viridis_r"](np.linspace(0.1, 1.0, 256)))
 """Early to late, without the palest yellow, which is lost on white."""
 
@@ -44,5 +46,10 @@ def headline(run: Run, words: str) -> str:
 def colour(index: int) -> str:
     """Return the colour of one of several curves; they begin again where there are no more."""
     return COLOURS[index % len(COLOURS)]
+
+
+def dashes(index: int) -> tuple[float, ...]:
+    """Return the dashes of one of several curves, others each time that the colours begin again."""
+    return DASHES[index // len(COLOURS) % len(DASHES)]
 
 

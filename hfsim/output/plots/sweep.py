@@ -12,8 +12,9 @@ import numpy as np
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from hfsim.maths.arrays import Array
-from hfsim.output.plots.figures import bare, new_figure, scaled, set_title
+from hfsim.output.plots.figures import bare, new_figure, scaled, set_title, set_title_above
 from hfsim.output.plots.files import save
+from hfsim.output.plots.ink import fitted
 from hfsim.output.plots.scale import with_unit
 from hfsim.output.plots.style import BLUE, RED, TIME_COLOURS, colour, slug
 from hfsim.studies.sweep.effects import groups, main_effects, mean_curve
@@ -33,6 +34,8 @@ _POINTS = 4000
 """Points of one panel."""
 _PANELS = 6
 """Rows and columns of a matrix."""
+_COLUMN, _ROW = 2.3, 1.7
+"""Width and height of what is in one [inch]."""
 
 
 def draw(sweep: Sweep, folder: Path) -> list[str]:
@@ -207,7 +210,7 @@ def _panels(
     sweep: Sweep, paths: list[str], names: list[str], words: str, fill: Callable[[Axes, str, str], None]
 ) -> Figure:
     """Return a figure of what is collected, in rows, over each entry that is varied, in columns."""
-    size = (1.2 + 2.3 * len(paths), 0.9 + 1.7 * len(names))
+    size = (1.2 + _COLUMN * len(paths), 0.9 + _ROW * len(names))
     figure = new_figure((max(6.0, size[0]), max(3.2, size[1])))
     panels = figure.subplots(len(names), len(paths), squeeze=False, sharex="col", sharey="row")
     for (j, path), (i, name) in product(enumerate(paths), enumerate(names)):
@@ -215,10 +218,10 @@ def _panels(
         fill(axes, path, name)
         _dress_panel(axes, sweep, path)
         if i == len(names) - 1:
-            axes.set_xlabel(_label(sweep, path), fontsize=9)
+            _write(axes.xaxis, _label(sweep, path), _COLUMN - 0.2)
         if j == 0:
-            axes.set_ylabel(_short(sweep, name), fontsize=9)
-    figure.suptitle(_title(sweep, words), fontsize=12, x=0.01, ha="left")
+            _write(axes.yaxis, _label(sweep, name), _ROW - 0.2)
+    set_title_above(figure, _title(sweep, words))
     return figure
 
 
@@ -238,10 +241,10 @@ def _matrix(sweep: Sweep, paths: list[str], names: list[str]) -> Figure:
     return _panels(sweep, paths, names, "all runs", fill)
 
 
-def _short(sweep: Sweep, name: str) -> str:
-    """Return a label in two lines where it is long."""
-    label = _label(sweep, name)
-    return label.replace("(", "(\n", 1) if len(label) > 24 else label
+def _write(axis: Axis, label: str, room: float) -> None:
+    """Label an axis in small letters, no longer than stated [inch]."""
+    words = fitted(label, room, 9.0)
+    axis.set_label_text("\n".join(words.lines), fontsize=words.size)
 
 
 def _dress_panel(axes: Axes, sweep: Sweep, path: str) -> None:

@@ -12,7 +12,7 @@ from hfsim.maths.arrays import Array, IntArray, distinct
 from hfsim.output.plots.ink import Mark, Pen
 from hfsim.output.plots.panel import Curve, Panel, Strokes, key
 from hfsim.output.plots.sheet import Bar, Sheet
-from hfsim.output.plots.style import TIME_COLOURS, colour
+from hfsim.output.plots.style import TIME_COLOURS, colour, dashes
 
 OWN = range(2, 7)
 """Numbers of bodies that have colours of their own."""
@@ -37,7 +37,7 @@ def draw_tracks(panel: Panel, tracks: Mapping[str, Array]) -> None:
     """Draw projected tracks, shape (n_times, 2), with their starts and ends."""
     for i, (point, track) in enumerate(tracks.items()):
         own = colour(i)
-        panel.things.append(Curve(track, Pen(own, 1.3), point))
+        panel.things.append(Curve(track, Pen(own, 1.3, dashes(i)), point))
         panel.things.append(Curve(track[:1], mark=_start(own)))
         panel.things.append(Curve(track[-1:], mark=_end(own)))
     panel.things += [key("start", mark=_start("0.3")), key("end", mark=_end("0.3"))]
@@ -76,8 +76,13 @@ def draw_shapes(panel: Panel, outlines: Mapping[str, Array], times: Array) -> No
             panel.things.append(Curve(ends, mark=Mark("o", 2.6, tuple(own[k]), tuple(own[k]), 1.5)))
 
 
-def time_bar(outlines: Mapping[str, Array], times: Array) -> Bar:
-    """Return the bar of colours of `draw_shapes`; grey where bodies have colours of their own."""
+def time_bar(outlines: Mapping[str, Array], times: Array) -> Bar | None:
+    """Return the bar of colours of `draw_shapes`; grey where bodies have colours of their own.
+
+    None where there is one time.
+    """
+    if len(times) < 2:
+        return None
     shades = np.linspace(0.0, 1.0, 64)
     colours = faded("0.25", shades) if len(outlines) in OWN else TIME_COLOURS(shades)
     return Bar(colours[:, :3].tolist(), float(times[0]), float(times[-1]))
