@@ -62,11 +62,17 @@ def plain(what: str, value: Any) -> str:
     """Return JSON, which is YAML too, of plain data and NumPy's numbers and arrays."""
 
     def plainer(one: Any) -> Any:
-        if hasattr(one, "tolist"):
-            return one.tolist()
+        other = one.tolist() if hasattr(one, "tolist") else one
+        if type(other) is not type(one):  # a number longer than those of Python stays what it is
+            return other
+        if isinstance(one, Real):
+            return float(one)
         raise ArgumentError(f"{what} is {_a(one)}: a deck has numbers, text, lists and maps")
 
-    return json.dumps(value, default=plainer)
+    try:
+        return json.dumps(value, default=plainer)
+    except (TypeError, ValueError, ArithmeticError, RecursionError) as error:
+        raise ArgumentError(f"{what} cannot be part of a deck: {error}") from error
 
 
 def no_deck(value: object) -> ArgumentError:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hfsim.marching.distance import ChannelScale
-from hfsim.output.text import Column, for_a_file, line_width, table, wrapped
+from hfsim.output.text import Column, for_a_file, line_width, plural, table, wrapped
 from hfsim.studies.compare import Comparison, Difference, ModelResult, percent
 from hfsim.studies.timing import Spread
 
@@ -58,7 +58,7 @@ COLUMNS = (
 
 def as_text(comparison: Comparison, folder: Path) -> str:
     """Return the comparison as people read it: times, differences, breakdowns, verdict."""
-    head = f"{comparison.name}: {len(comparison.models)} models over {comparison.duration:.6g} s, "
+    head = f"{comparison.name}: {plural(len(comparison.models), 'model')} over {comparison.duration:.6g} s, "
     head += f"reference {comparison.reference}"
     costs = table(cost_columns(comparison), comparison.models) + "\n"
     remarks = "".join(f"{wrapped(line)}\n" for line in (*marks_in(comparison), *doubts_on(comparison)))

@@ -61,7 +61,7 @@ def _critical(summary: Mapping[str, Any]) -> str:
     """Return the critical load factors in words."""
     if "critical" not in summary:
         return ""
-    pairs = zip(summary["critical"], summary.get("critical_reached", ()), strict=True)
+    pairs = zip(summary["critical"], summary["critical_reached"], strict=True)
     told = [f"{one:.9g}" if reached else f"about {one:.4g} (not reached)" for one, reached in pairs]
     return f"load factors {', '.join(told)}" if told else f"none: {summary['critical_reason']}"
 

@@ -241,7 +241,7 @@ def _critical(scene: Scene, wish: Wish) -> dict[str, Any]:
     try:
         found = critical_factors(problem_of(scene, wish.t, None, wish.varied), Effort(), wish.buckling)
     except (NotFoundError, np.linalg.LinAlgError) as error:
-        return {"critical": [], "critical_reason": str(error)}
+        return {"critical": [], "critical_reached": [], "critical_reason": str(error)}
     reason = "" if found else "no load factor makes the stiffness singular"
     return {
         "critical": [one.load for one in found],

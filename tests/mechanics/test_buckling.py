@@ -160,6 +160,7 @@ def test_a_model_without_stiffening_says_that_it_does_not_buckle():
     assert any("how it buckles: --model exact" in one for one in run.statistics["warnings"])
     straight = hfsim.static(parse_deck(LEANING, overrides=["solve.model=linear"]), buckling=3)
     assert straight.statistics["critical"] == [] and "singular" in straight.statistics["critical_reason"]
+    assert straight.statistics["critical_reached"] == []
     assert any("how it buckles: --model exact" in one for one in straight.statistics["warnings"])
 
 
@@ -335,6 +336,7 @@ def test_a_deep_arch_snaps_at_its_published_load_and_has_no_estimate_of_it():
     run = hfsim.static(parse_deck(ARCH), path=True, buckling=1)
     assert run.statistics["limits"][0] == pytest.approx(0.897, rel=5e-4) and not run.statistics["branches"]
     assert run.statistics["critical"] == [] and "--path" in run.statistics["critical_reason"]
+    assert run.statistics["critical_reached"] == []
 
 
 BENT = """

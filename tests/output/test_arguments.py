@@ -1,6 +1,8 @@
 # ruff: noqa: E501
 """Arguments of calls from Python: what is no deck, no map, no name is told by the name of its argument."""
 
+from decimal import Decimal
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +47,26 @@ def test_changes_that_are_none_are_told(changes, told, deck):
     with pytest.raises(hfsim.HfsimError) as error:
         hfsim.run(deck, changes)
     assert str(error.value).startswith(told)
+
+
+CYCLE: list[object] = []
+CYCLE.append(CYCLE)
+
+
+@pytest.mark.parametrize("value", [CYCLE, {(1, 2): 3.0}, np.clongdouble(1.0), Decimal("0.05"), b"0.05", Path("a")])
+def test_changes_that_are_no_data_are_told(value, deck):
+    with pytest.raises(hfsim.HfsimError, match=r"^changes: solve\.duration "):
+        hfsim.load(deck, {"solve.duration": value})
+
+
+@pytest.mark.parametrize(
+    "value",
+    [*(kind(0.5) for kind in (np.longdouble, np.float16, np.float32, np.array)), np.array(np.longdouble(0.5)), Fraction(1, 2)],
+)
+def test_numbers_of_any_kind_are_read(value, deck):
+    assert hfsim.load(deck, {"solve.duration": value}).deck.solve.duration == 0.5
+    vary = hfsim.sweep(deck, {"bodies.hub.mass": [value]}, jobs=1)
+    assert vary["bodies.hub.mass"].tolist() == [0.5]
 
 
 def test_entries_that_decks_cannot_have_are_told():

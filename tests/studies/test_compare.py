@@ -175,6 +175,8 @@ def test_what_a_signal_left_is_told_without_a_verdict():
     for comparison in (whole, cut, compare([], "exact", 0.01, interrupted=True)):
         assert (comparison.status, comparison.verdict) == ("interrupted", None)
         assert "interrupted" in as_text(comparison, Path("out"))
+    counted = [as_text(one, Path("out")).split(": ")[1] for one in (whole, cut)]
+    assert [one.partition(" over")[0] for one in counted] == ["2 models", "1 model"]
 
 
 def test_without_an_adequate_model_the_reference_is_the_verdict():

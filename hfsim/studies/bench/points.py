@@ -27,10 +27,10 @@ def mesh_words(elements: int, degree: int) -> str:
 
     Examples
     --------
-    >>> mesh_words(4, 3), mesh_words(2, 7)
-    ('4 elements', '2 elements of degree 7')
+    >>> mesh_words(4, 3), mesh_words(2, 7), mesh_words(0, 3)
+    ('4 elements', '2 elements of degree 7', '0 elements')
     """
-    plain = f"{elements} element{'s' if elements > 1 else ''}"
+    plain = f"{elements} element{'' if elements == 1 else 's'}"
     return plain if degree == 3 else f"{plain} of degree {degree}"
 
 
