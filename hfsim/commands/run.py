@@ -36,6 +36,10 @@ if TYPE_CHECKING:
     from hfsim.scene.loading import LoadedDeck
 
 
+_GONE_WRONG = 1
+"""Exit code of what ended for lack of memory or a mistake in hfsim, which says nothing of the deck."""
+
+
 @frozen
 class Job:
     """One deck and the folder its results go to, or what a run there has come to that is left as it is."""
@@ -238,7 +242,7 @@ def _resumed(argument: str, loaded: LoadedDeck, path: Path, settings: Settings, 
     provenance = Provenance.of(loaded, argument, settings.overrides)
     try:
         refuse_others(path, summary, provenance)
-        cut_off = (*INTERRUPTIONS, None) if summary["status"] == "done" else INTERRUPTIONS
+        cut_off = (*INTERRUPTIONS, None if summary["status"] == "done" else _GONE_WRONG)
         if summary["status"] in ("done", "failed") and summary.get("exit_code") not in cut_off:
             return Job(argument, loaded, RunFolder(path), ended=summary)
         checkpoint = take_up(path, provenance)

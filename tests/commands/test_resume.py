@@ -76,6 +76,34 @@ def test_what_is_left_as_it_is_tells_its_exit_code_and_its_facts(here):
     assert call(*two, "--resume", "--jobs", "2").stdout == first.stdout
 
 
+@pytest.mark.parametrize("error", [MemoryError(), ZeroDivisionError("a mistake")])
+def test_what_lack_of_memory_or_a_mistake_has_ended_goes_on(here, monkeypatch, error):
+    """From its last checkpoint; where there is none, from the start."""
+    monkeypatch.setattr(record, "BLOCK", 0.003)
+    monkeypatch.setattr("hfsim.output.recording.EVERY", 0.0)
+    deck = ("pendulum", "--set", "solve.duration=3")
+    assert call("run", *PLAIN, *deck, "-o", "whole").exit_code == 0
+    take = Recording.rows
+
+    def refuse_from(stop):
+        def rows(recording, table):
+            if table[-1, 0] > stop:
+                raise error
+            take(recording, table)
+
+        return rows
+
+    for stop, options, told in ((0.0, (), ""), (1.0, ("--resume",), "anew"), (2.0, ("--resume",), "at row")):
+        with monkeypatch.context() as patched:
+            patched.setattr(Recording, "rows", refuse_from(stop))
+            cut = run(*deck, *options)
+        assert cut.exit_code == 1 and summary()["status"] == "failed" and told in cut.stderr
+    again = run(*deck, "--resume")
+    assert again.exit_code == 0 and "going on at row" in again.stderr and summary()["status"] == "done"
+    assert (here / "out/history.csv").read_bytes() == (here / "whole/history.csv").read_bytes()
+    assert not (here / "out/checkpoint.npz").exists()
+
+
 @pytest.mark.parametrize("command", [("run",), ("sweep", "--vary", "bodies.b1.length=1,2")])
 def test_to_go_on_and_to_replace_are_one_or_the_other(here, command):
     refused = call(*command, "pendulum", "-o", "out", "--resume", "--force")
