@@ -88,16 +88,19 @@ class History:
     ----------
     size : int
         Bytes of the whole rows in the file.
+    rows : int
+        Of them, those that were added to it here.
     """
 
     def __init__(self, path: Path, names: Sequence[str], size: int | None = None) -> None:
         flags = _NEW if size is None else (_NEW & ~os.O_CREAT & ~os.O_EXCL)
         self._file = os.open(path, flags, 0o666)
-        self.size = size or 0
+        self.size, self.rows = size or 0, 0
         os.ftruncate(self._file, self.size)
         os.lseek(self._file, 0, os.SEEK_END)
         if size is None:
             self._write(",".join(["t", *names]) + "\n")
+            self.rows = 0
 
     def add(self, table: np.ndarray) -> None:
         """Write rows, shape (n_rows, 1 + n_names); numbers are the shortest text that reads back exactly.
@@ -107,7 +110,7 @@ class History:
         ValueError
             If a value is not finite; nothing is written then.
         OSError
-            If the system refuses; only whole rows are in the file then.
+            If the system refuses; those whole rows that it took are in the file then.
         """
         if not np.isfinite(table).all():
             raise ValueError("a non-finite value must not be written")
@@ -115,15 +118,18 @@ class History:
             self._write("".join(rows_as_text(table[some].tolist())))
 
     def _write(self, text: str) -> None:
-        data = memoryview(text.encode())
+        data, done = text.encode(), 0
         try:
             with SHIELD:
-                while data:
-                    data = data[os.write(self._file, data) :]
+                while done < len(data):
+                    done += os.write(self._file, memoryview(data)[done:])
         except OSError:
-            os.ftruncate(self._file, self.size)
+            done = data.rfind(b"\n", 0, done) + 1
+            os.ftruncate(self._file, self.size + done)
             raise
-        self.size = os.lseek(self._file, 0, os.SEEK_CUR)
+        finally:
+            self.size += done
+            self.rows += data.count(b"\n", 0, done)
 
     def sync(self) -> None:
         """Wait until the rows are on disk."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from hfsim.errors import INTERRUPTIONS, LimitReached, interruption_code
@@ -54,8 +55,8 @@ class Recording:
         self._name, self._model, self._watch = name, model, watch
         self._from = checkpoint
         self._history: History | None = None
-        self._there = len(checkpoint.memory["table"]) if checkpoint else 0
-        """Rows that are in the file already, and yet to come once more."""
+        self._before = self._there = len(checkpoint.memory["table"]) if checkpoint else 0
+        """Rows that were in the file already; those of them that are yet to come once more."""
         self._memory: Callable[[], Memory] | None = None
         self._size = checkpoint.size if checkpoint else 0
         self._next = time.monotonic() + EVERY
@@ -176,11 +177,19 @@ class Recording:
             self._history.close()
         self.folder.release()
 
+    def _on_disk(self, run: Run) -> Run:
+        """Return a run with those rows that could be written."""
+        if self._history is None or not self._full:
+            return run
+        rows = self._before + self._history.rows
+        channels = tuple(one._replace(values=one.values[:rows]) for one in run.channels)
+        return replace(run, t=run.t[:rows], channels=channels)
+
     def _summarise(self, run: Run, extra: Iterable[str], told: Mapping[str, Any] = {}) -> dict[str, Any]:
         files = ["history.csv", "resolved.yaml", "run.log", SUMMARY, *extra]
         if (self.path / CHECKPOINT).exists():
             files.append(CHECKPOINT)
-        summary = {**summary_of(run, self.provenance, files), **told}
+        summary = {**summary_of(self._on_disk(run), self.provenance, files), **told}
         write_json(self.path / SUMMARY, summary)
         return summary
 

@@ -16,7 +16,7 @@ from hfsim.marching import record
 from hfsim.marching.stop import SHIELD
 from hfsim.output import recording
 from hfsim.output.checkpoint import CHECKPOINT, CheckpointError, put_down, take_up
-from hfsim.output.disk import History
+from hfsim.output.disk import History, read_history
 from hfsim.output.runfolder import RunFolder, RunLog
 from hfsim.output.writers import Provenance
 
@@ -142,6 +142,16 @@ def test_a_run_that_was_killed_goes_on_as_if_nothing_had_been(tmp_path, number, 
     assert "left as it is, done" in here("-o", str(killed), *LONG, "--resume")[1]
 
 
+def assert_summary_is_of_the_rows(folder):
+    """Assert that the summary tells the end, last values and extremes of the rows in the history."""
+    summary = json.loads((folder / "summary.json").read_text())
+    table = read_history(folder / "history.csv", -1)
+    assert summary["end_time"] == table[-1, 0] < summary["stop_time"]
+    assert [*summary["final"].values()] == table[-1, 1:].tolist()
+    extremes = np.array([table[:, 1:].min(axis=0), table[:, 1:].max(axis=0)])
+    assert [*summary["extremes"].values()] == extremes.T.tolist()
+
+
 def test_a_run_that_a_full_disk_ends_goes_on_from_the_rows_that_fitted(tmp_path, monkeypatch, whole):
     add, added = History.add, []
 
@@ -158,6 +168,14 @@ def test_a_run_that_a_full_disk_ends_goes_on_from_the_rows_that_fitted(tmp_path,
     assert (done.exit_code, len(added)) == (5, 3) and "its last rows are missing" in done.stderr
     rows = (tmp_path / "out/history.csv").read_text().splitlines()[1:]
     assert len(rows) == sum(added[:2])
+    assert_summary_is_of_the_rows(tmp_path / "out")
+    with monkeypatch.context() as patch:
+        patch.setattr(record, "BLOCK", 0.002)
+        patch.setattr(History, "add", full)
+        added.clear()
+        assert call(*RUN, "-o", str(tmp_path / "out"), *LONG, "--resume").exit_code == 5
+    assert len((tmp_path / "out/history.csv").read_text().splitlines()) > 1 + len(rows)
+    assert_summary_is_of_the_rows(tmp_path / "out")
     code, told = here("-o", str(tmp_path / "out"), *LONG, "--resume")
     assert code == 0 and "begun anew" not in told
     assert (tmp_path / "out/history.csv").read_bytes() == whole

@@ -86,7 +86,8 @@ def test_a_full_disk_leaves_whole_rows(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "write", full)
     with pytest.raises(OSError, match="No space"):
         history.add(np.array([[1.0, 2.0], [2.0, 3.0]]))
-    assert (tmp_path / "h.csv").read_text() == "t,x\n0.0,1.0\n"
+    assert (tmp_path / "h.csv").read_text() == "t,x\n0.0,1.0\n1.0,2.0\n", "as many as it took"
+    assert (history.rows, history.size) == (2, 20)
 
 
 def test_writers_refuse_what_is_not_finite(tmp_path):
