@@ -18,6 +18,8 @@ from hfsim.scene.build import Scene
 
 SLIVER = 1e-9
 """Part of an interval that is no row of its own at the end of a run."""
+_ROUNDING = 1e-14
+"""Strain that is."""
 
 
 @frozen
@@ -55,10 +57,25 @@ class SceneSamples(Samples):
         along: dict[str, dict[str, Array]] = {name: self._deflections(name, points[name]) for name in places}
         for kind, name, values in self.outline_forces(np.arange(len(self.t))):
             along[name][kind] = values
+        rounding = {name: self._rounding(name) for name in places}
         for k, t in enumerate(self.t.tolist()):
             shape = {name: one[k] for name, one in points.items()}
             inside = {name: {kind: one[k] for kind, one in own.items()} for name, own in along.items()}
-            yield Snapshot(t, shape, places, inside)
+            yield Snapshot(t, shape, places, inside, rounding)
+
+    def _rounding(self, name: str) -> dict[str, float]:
+        """Return how large deflection and internal forces along a beam are where its strain is rounding."""
+        body = self.scene.bodies[name]
+        places = body.outline_places
+        section = self.scene.deck.section_properties(name).at(places / places[-1])
+        force = _ROUNDING * float(np.max(section.axial_stiffness))
+        depth = float(np.sqrt(np.max(np.divide(section.bending_stiffness, section.axial_stiffness))))
+        forces = np.tile(force * np.array([1.0, 1.0, 1.0, depth, depth, depth]), (len(places), 1))
+        found = force_columns(body, forces, places, len(body.origin))
+        return {
+            **dict.fromkeys(("deflection", "deflection_y", "deflection_z"), _ROUNDING * float(places[-1])),
+            **{kind: float(values.max()) for kind, values in found.items()},
+        }
 
     def _deflections(self, name: str, points: Array) -> dict[str, Array]:
         """Return how far points (n_times, n_points, n_dim) are from the first axis of their frame [m]."""

@@ -47,12 +47,15 @@ class Snapshot(NamedTuple):
         Of beams with strains: distances of these points from the root along the undeformed beam [m].
     along : dict of str to dict of str to ndarray, shape (n_points,)
         Of the same: deflection and internal forces there, by the names of the channels.
+    rounding : dict of str to dict of str to float
+        What of each of these is rounding.
     """
 
     t: float
     points: dict[str, ndarray]
     places: dict[str, ndarray]
     along: dict[str, dict[str, ndarray]]
+    rounding: dict[str, dict[str, float]]
 
 
 class Fine(Protocol):

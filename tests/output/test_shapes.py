@@ -110,6 +110,33 @@ def test_snapshots_have_pictures(scene):
     )
 
 
+TINY = """
+hfsim: 1
+name: tiny
+materials: {silicon: {density: 2330.0, youngs_modulus: 160 GPa}}
+sections: {square: {shape: rectangle, width: 5.0e-9, height: 5.0e-9}}
+bodies: {b: {type: beam, material: silicon, section: square, length: 1.0e-7, elements: 3}}
+joints: {wall: {type: fixed, between: [ground, b.root]}}
+loads:
+  push: {type: force, at: b.tip, force: [0.0, 1.0e-9], law: {type: sine, amplitude: 1.0, frequency: 3.0e8}}
+solve: {duration: 1.0e-9}
+output: {channels: [b.tip.y], snapshots: [TIMES]}
+"""
+
+
+def test_what_is_rounding_along_a_beam_is_not_drawn():
+    """By the stiffness of the section: a force of 1e-22 N is none, one of 1e-15 N is one."""
+    seen = run(TINY.replace("TIMES", "0.0"))
+    (shot,) = seen.snapshots
+    assert 0.0 < np.abs(shot.along["b"]["axial_force"]).max() < shot.rounding["b"]["axial_force"]
+    assert shot.rounding["b"]["axial_force"] == pytest.approx(1e-14 * 160e9 * 25e-18)
+    (panel,) = dict(snapshot_figures(seen))["along_b"].panels
+    assert not panel.curves[0].points[:, 1].any()
+    later = dict(snapshot_figures(run(TINY.replace("TIMES", "0.0, 2.0e-12"))))["along_b"].panels
+    assert any(panel.upward.label.startswith("bending") for panel in later)
+    assert not any(panel.curves[0].points[:, 1].any() for panel in later)
+
+
 def test_python_has_snapshots():
     seen = hfsim.run(hfsim.load(parse_deck(PLANE, "whip.yaml")), error_estimate=False)
     assert [shot.t for shot in seen.snapshots] == [0.0, 0.12, 0.25]

@@ -60,7 +60,9 @@ def _along(run: Run, body: str, shots: list[Snapshot]) -> Sheet:
         for kind, values in shot.along[body].items():
             largest[kind] = max(largest.get(kind, 0.0), float(np.abs(values).max()))
             sizes[_unit(kind)] = max(sizes.get(_unit(kind), 0.0), largest[kind])
-    kinds = [kind for kind, size in largest.items() if size > _UNSEEN * sizes[_unit(kind)]] or [*largest][:1]
+    rounding = shots[0].rounding[body]
+    least = {kind: max(rounding[kind], _UNSEEN * sizes[_unit(kind)]) for kind in largest}
+    kinds = [kind for kind, size in largest.items() if size > least[kind]] or [*largest][:1]
     sheet = Sheet()
     for number, kind in enumerate(kinds):
         below = (len(kinds) - 1 - number) * (_HEIGHT + _BETWEEN)
@@ -68,8 +70,11 @@ def _along(run: Run, body: str, shots: list[Snapshot]) -> Sheet:
         for k, shot in enumerate(shots):
             words = f"t = {shot.t:.6g} s"
             values = shot.along[body][kind]
-            flat = np.ptp(values) <= _FLAT * sizes[_unit(kind)]
-            points = np.column_stack([shot.places[body], np.where(flat, values.mean(), values)])
+            if np.abs(values).max() <= rounding[kind]:
+                values = np.zeros_like(values)
+            elif np.ptp(values) <= max(rounding[kind], _FLAT * sizes[_unit(kind)]):
+                values = np.full_like(values, values.mean())
+            points = np.column_stack([shot.places[body], values])
             panel.things.append(Curve(points, Pen(_own(shots, k), 1.5), words))
         panel.fit()
         mark_zero(panel)
