@@ -305,8 +305,8 @@ def test_corrections_are_alike_dense_and_sparse(name, natural, damping, switch):
         d = derivative(problem, 0.0, q[0], v[0], problem.increments if natural else None)
         residual = problem.increments.to_natural(problem.increments.geometry(q), r) if natural else r
         y, change = d.correction(table, h)(d.reading(residual))
-        # without modes every change of a velocity counts as one of a motion of 2 rad/s
-        most = 0.5 * np.abs(table.end_rate @ y).max() / h
+        # without modes every change of a velocity counts as one of a slow motion
+        most = table.slow(h) * np.abs(table.end_rate @ y).max() / h
         assert 0.0 < change <= most * (1.0 + 1e-12)
         assert kind == "dense" or change == pytest.approx(most)
         found.append((y, d.solver(h * h, h if damping else 0.0)(residual[0])))
