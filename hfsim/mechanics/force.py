@@ -81,6 +81,9 @@ class ForcePart:
     stiff: ClassVar[bool] = True
     """Whether it may be large beside what holds bodies: its derivative is taken by fine differences then."""
 
+    abrupt: ClassVar[bool] = False
+    """Whether it may change within the steps of differences: it has a derivative without these."""
+
     of_strain_rates: ClassVar[bool] = False
     """Whether it resists rates of strains alone.  Its derivative by x is then that of axes which turn with
     the body; where forces are linearised for corrections it is left out, as these go along with such axes."""
@@ -236,7 +239,7 @@ class ForcePart:
         """Return minus the derivative of the force by u in one state."""
         if not self.uses_rates:
             return NOTHING
-        return difference(lambda moved: self._resistance(t, x, moved), u, self.support)
+        return difference(lambda moved: self._resistance(t, x, moved), u, self.support, self.stiff)
 
     def _resistance(self, t: Array, x: Array, u: Array) -> Array:
         """Return minus the force, with one state of x or u repeated for a batch of the other."""

@@ -122,7 +122,7 @@ class GradientMarker(VectorMarker):
             out[:, self.columns] = (force @ self.axis_jacobian(moved, a)).reshape(len(moved), -1)
             return out
 
-        return difference(pulled, x, self.support)
+        return difference(pulled, x, self.support, fine=True)
 
     def spin_jacobian(self, x: Array) -> Array:
         """Return the derivative of its turn: the first vector turns t1, the second the frame about t1."""

@@ -16,6 +16,7 @@ from differences of fourth order.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -146,14 +147,17 @@ def stiffness(system: System, t: Array, x: Array, u: Array, a: Array, multiplier
         conserving = assemble(even, shape, sparse)
         return assemble(parts, shape, sparse) + 0.5 * (conserving + conserving.T)
 
+    abrupt = [part.tangent(t, x, u) for part in system.forces if part.abrupt]
+    others = replace(system, forces=tuple(part for part in system.forces if not part.abrupt))
+
     def missing(moved: Array) -> Array:
         times, (rates, lasting) = np.repeat(t, len(moved)), (np.repeat(one, len(moved), 0) for one in (u, a))
-        out = equations.momentum(moved, lasting) - system.force(times, moved, rates)
+        out = equations.momentum(moved, lasting) - others.force(times, moved, rates)
         if equations.constraints:
             out += (multipliers @ equations.phi.jacobians(moved))[:, 0]
         return out
 
-    return derivative(missing, x[0])
+    return derivative(missing, x[0]) + assemble(abrupt, (system.n_x, system.n_x), sparse=False)
 
 
 def rounding_of_joints(system: System, x: Array, multipliers: Array) -> Matrix:
@@ -170,14 +174,8 @@ def rounding_of_joints(system: System, x: Array, multipliers: Array) -> Matrix:
 
 def resistance(system: System, t: Array, x: Array, u: Array) -> Matrix:
     """Return minus the derivative of the forces by the rates in one state, (n_x, n_x)."""
-    if not system.variable_mass:
-        parts = [part.rate_tangent(t, x, u) for part in system.forces if part.uses_rates]
-        return assemble(parts, (system.n_x, system.n_x), is_sparse(system.equations.constant_mass))
-
-    def resisting(moved: Array) -> Array:
-        return -system.force(np.repeat(t, len(moved)), np.repeat(x, len(moved), axis=0), moved)
-
-    return derivative(resisting, u[0])
+    parts = [part.rate_tangent(t, x, u) for part in system.forces if part.uses_rates]
+    return assemble(parts, (system.n_x, system.n_x), is_sparse(system.equations.constant_mass))
 
 
 def derivative(function: Callable[[Array], Array], at: Array) -> Array:

@@ -110,7 +110,7 @@ class VectorMarker(LinearMarker):
             out[:, self.columns] = moment @ self.spin_jacobian(moved)
             return out
 
-        return difference(pulled, x, self.support)
+        return difference(pulled, x, self.support, fine=True)
 
 
 @frozen

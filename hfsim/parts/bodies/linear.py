@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, ClassVar
+from functools import cached_property
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import Entries
+from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import as_complex, as_vectors
 from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.force import ForcePart, difference
@@ -158,6 +159,32 @@ class LinearElasticForce(ForcePart):
             local -= self.rates(x, u) @ self.damping
         out[:, self.columns] += self._onto_nodes(local, *seen)
 
+    def near(self, x: Array, u: Array) -> Self:
+        """Return a force with the same value and derivatives in one state, as smooth as differences need."""
+        return self
+
+    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus the derivative of the force by x in one state, by differences."""
+        near = self.near(x, u)
+        return difference(lambda moved: near._resistance(t, moved, u), x, self.support, fine=True)
+
+    @cached_property
+    def _damper(self) -> Self:
+        """The damping alone."""
+        return replace(self, stiffness=np.zeros_like(self.stiffness))
+
+    def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus the derivative of the force by u in one state: the damping at rates of one each.
+
+        Differences of the whole force would lose what resists soft motions in the rounding of what is stiff.
+        """
+        if not self.uses_rates:
+            return NOTHING
+        units = np.zeros((len(self.support), x.shape[1]))
+        units[np.arange(len(units)), self.support] = 1.0
+        resisted = self._damper._resistance(t, x, units)[:, self.support]
+        return Entries.of_block(self.support, self.support, resisted.T)
+
     def constant(self, x: Array, local: Array) -> Array:
         """Return the force on the nodes (n_batch, n) of one in the frame (1 or n_batch, n)."""
         flat, *seen = self._deformation(x)
@@ -238,6 +265,10 @@ class StrainedLinearForce(ForcePart):
         """Return their derivative by x in one state."""
         return Entries.of_block(np.arange(len(self.sizes)), self.support, self._slopes(x))
 
+    def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus the derivative of the force by u in one state."""
+        return self.force.rate_tangent(t, x, u)
+
     def strained(self, strains: Array) -> StrainedLinearForce:
         """Return the force with given strains."""
         return replace(self, given=strains)
@@ -263,7 +294,8 @@ class StrainedLinearForce(ForcePart):
 
         By differences but for what stresses change.
         """
-        held = self if self.given is not None else self.strained(self.strain(x))
+        given = self.strain(x) if self.given is None else self.given
+        held = replace(self, force=self.force.near(x, u), given=given)
         B = self._slopes(x)
         geometric = difference(lambda moved: held._resistance(t, moved, u), x, self.support, fine=True)
         return geometric._replace(values=geometric.values + (B.T @ (self.sizes[:, None] * B)).ravel())

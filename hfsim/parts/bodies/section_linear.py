@@ -187,6 +187,11 @@ class LinearSectionForce(LinearElasticForce):
         turning = triad_rate(d, U[:, 1 : U.shape[2]]) @ self.axes.T
         return np.asarray(((U - self.positions[:, None] * U[:, :1]) @ A + y @ turning).reshape(len(x), -1))
 
+    @cached_property
+    def _damper(self) -> Self:
+        """The damping alone."""
+        return replace(super()._damper, resistances=np.zeros_like(self.resistances))
+
     def local(self, p: Array, rates: Array | None) -> Array:
         """Return the force in the body frame of changes of its vectors and their rates, (n_batch, n) each."""
         if self.given is None:

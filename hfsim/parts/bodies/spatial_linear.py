@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import field, replace
 from functools import cached_property
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -36,7 +38,16 @@ class SpatialLinearElasticForce(LinearElasticForce):
 
     The frame at the root has no roll of its own.  Stiffness does not depend on it, but rates in the frame
     do, and the damping of a line must vanish in its roll: of all rolls, that counts in which least is lost.
+
+    Attributes
+    ----------
+    beside : tuple of ndarray, optional
+        How vectors change with a roll, and their rates without one, in one state, (1, n) each: the share of
+        the roll is linear in the changes of both from there.
     """
+
+    beside: tuple[Array, Array] | None = field(default=None, kw_only=True)
+    abrupt: ClassVar[bool] = True
 
     @cached_property
     def _root(self) -> VectorMarker:
@@ -53,20 +64,35 @@ class SpatialLinearElasticForce(LinearElasticForce):
         p, frame = self._relative(x)
         return (p - self.undeformed).reshape(len(x), -1), p, frame
 
+    def near(self, x: Array, u: Array) -> Self:
+        """Return it with a share of roll that is linear: of a line nearly straight it changes at once."""
+        return replace(self, beside=self._rolling(x, u)) if self.uses_rates else self
+
     def rates(self, x: Array, u: Array) -> Array:
         """Return p', flattened likewise."""
+        roll, rates = self._rolling(x, u)
+        return np.asarray(rates - self._share(roll, rates)[:, None] * roll) if self.uses_rates else rates
+
+    def _rolling(self, x: Array, u: Array) -> tuple[Array, Array]:
+        """Return how p changes with a roll of the frame, and p' in a frame without one, both flattened."""
         p, frame = self._relative(x)
         vectors = self._nodes(u)
         rates = (vectors - self.positions[:, None] * vectors[:, :1]) @ frame
         spin = np.zeros((len(x), 3))
         spin[:, 1:] = np.stack([-rates[:, 1, 2], rates[:, 1, 1]], axis=-1) / p[:, 1, :1]
-        rates = (rates + p @ skew(spin)).reshape(len(x), -1)
-        if not self.uses_rates:
-            return np.asarray(rates)
-        roll = cross(FIRST, p).reshape(len(x), -1)
-        lost = roll @ self.damping
-        share = np.sum(lost * rates, axis=-1) / (np.sum(lost * roll, axis=-1) + self._least_roll)
-        return np.asarray(rates - share[:, None] * roll)
+        return cross(FIRST, p).reshape(len(x), -1), (rates + p @ skew(spin)).reshape(len(x), -1)
+
+    def _share(self, roll: Array, rates: Array) -> Array:
+        """Return the roll in which least is lost [rad/s], negative, (n_batch,)."""
+        at_roll, at_rates = (roll, rates) if self.beside is None else self.beside
+        lost = at_roll @ self.damping
+        size = np.sum(lost * at_roll, axis=-1) + self._least_roll
+        share = np.sum(lost * at_rates, axis=-1) / size
+        if self.beside is None:
+            return np.asarray(share)
+        changed, faster = roll - at_roll, rates - at_rates
+        change = (changed @ self.damping) * at_rates + lost * (faster - 2.0 * share[:, None] * changed)
+        return np.asarray(share + np.sum(change, axis=-1) / size)
 
     def in_strains(self) -> ForcePart:
         """Return it with strains along the first axis alone: others change with the roll of the frame."""
