@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
+from typing import Self
 
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import wrap
+from hfsim.mechanics.markers import ROUNDING
 from hfsim.mechanics.planar_markers import NodalMarker
 
 
@@ -24,6 +27,12 @@ class PlanarSectionMarker(NodalMarker):
     """
 
     ahead: float
+
+    def level_in(self, vectors: Array) -> Self:
+        """Return the marker whose angle is zero where its body has nodal vectors (n, 2)."""
+        alone = replace(self, columns=slice(0, vectors.size))
+        more = float(alone.angle(vectors.reshape(1, -1))[0])
+        return self if abs(more) <= ROUNDING else replace(self, ahead=self.ahead + more)
 
     def angle(self, x: Array) -> Array:
         """Return the angle of the first axis of the body frame, carried along."""

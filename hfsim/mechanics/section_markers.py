@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
 
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, magnitude
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import cross, dot, skew
@@ -26,10 +27,20 @@ class SectionMarker(VectorMarker):
     ----------
     body : ndarray, shape (3, 3)
         From d1, d2, d3 to the marker's own axes, as rows: those of the body frame, carried along.
+    level : ndarray, shape (3, 3), optional
+        The same from axes of unit length and at right angles next to these, where it differs.
     """
 
     body: Array
+    level: Array | None = None
     n_axes: ClassVar[int] = 3
+
+    def level_in(self, vectors: Array) -> SectionMarker:
+        """Return the marker whose axes are those of the ground where its body has nodal vectors (n, 3)."""
+        alone, x = replace(self, columns=slice(0, vectors.size)), vectors.reshape(1, -1)
+        if magnitude(alone.axes(x)[0] - np.eye(3)) <= ROUNDING:
+            return self
+        return replace(self, body=np.linalg.inv(alone._triad(x)[0]), level=alone._square(x)[0].T)
 
     def _triad(self, x: Array) -> Array:
         """Return d1, d2, d3, shape (n_batch, 3, 3)."""
@@ -42,14 +53,18 @@ class SectionMarker(VectorMarker):
 
     def frame(self, x: Array) -> Array:
         """Return three axes of unit length and at right angles, as columns, shape (n_batch, 3, 3)."""
+        level = self.body if self.level is None else self.level
+        return np.asarray((level @ self._square(x)).swapaxes(1, 2))
+
+    def _square(self, x: Array) -> Array:
+        """Return axes of unit length and at right angles next to d1, d2, d3, shape (n_batch, 3, 3)."""
         d = self._triad(x)
         d = d / np.linalg.norm(d, axis=-1, keepdims=True)
         # half of what is missing of a right angle to each of both section vectors
         off = 0.5 * np.sum(d[:, 1] * d[:, 2], axis=-1, keepdims=True)
         y = d[:, 1] - off * d[:, 2]
         y = y / np.linalg.norm(y, axis=-1, keepdims=True)
-        square = np.stack([d[:, 0], y, cross(d[:, 0], y)], axis=1)
-        return np.asarray((self.body @ square).swapaxes(1, 2))
+        return np.stack([d[:, 0], y, cross(d[:, 0], y)], axis=1)
 
     def linear_axis(self, a: Array) -> LinearVector | None:
         """Return combinations of d2 and d3; None of d1."""

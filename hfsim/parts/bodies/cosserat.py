@@ -93,7 +93,7 @@ class CosseratBeam(VectorBeam):
 
     def marker(self, place: Place) -> LinearMarker:
         """Return the marker of a material point; its axes are those of the body frame, carried along."""
-        return _marker(self.columns, *self.mesh.point(place))
+        return _marker(self.columns, *self.mesh.point(place)).level_in(self.undeformed)
 
     @property
     def outline_places(self) -> Array:
@@ -210,7 +210,9 @@ def _twist(mesh: SectionMesh, vectors: Array, axes: Array) -> Array:
     return np.asarray(0.5 * np.sum(y * axes[..., 2] - z * axes[..., 1], axis=-1))
 
 
-def _marker(columns: slice, position: Array, section: Array, axes: Array) -> LinearMarker:
+def _marker(
+    columns: slice, position: Array, section: Array, axes: Array
+) -> SectionMarker | PlanarSectionMarker:
     """Return the marker with rows of position and section vectors; these are ``axes`` in its own frame."""
     if len(axes) == 3:
         return SectionMarker(columns, position, section, axes)
