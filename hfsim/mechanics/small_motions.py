@@ -61,7 +61,7 @@ class SmallMotions:
         The axes that they are seen from, where these turn.
     precision : float
         Relative error of the matrices.
-    rounding : Matrix, shape (n, n), or None
+    rounding : Matrix, shape (n, n)
         What the last digits of the coordinates do to the stiffness: tension of what is stiff, for one.
     """
 
@@ -76,7 +76,7 @@ class SmallMotions:
     basis: Matrix
     turning: Turning | None
     precision: float
-    rounding: Matrix | None
+    rounding: Matrix
 
     @property
     def pencil(self) -> Pencil:
@@ -110,9 +110,9 @@ def small_motions(
     force = system.force(time, beside, u) * (1.0 + _EXACT * random_signs(x.shape))
     free_beside, others = equations.solve(time, beside, u, force)
     a, blur = reduction.expand_rates(free), reduction.expand_rates(free_beside - free)
-    K, rounding = stiffness(system, time, x, u, a, multipliers), None
-    if not system.variable_mass:  # differences are less precise than that
-        rounding = abs(reduction.reduced(stiffness(system, time, beside, u, a, others) - K))
+    K = stiffness(system, time, x, u, a, multipliers)
+    rounding = abs(reduction.reduced(stiffness(system, time, beside, u, a, others) - K))
+    if not system.variable_mass:
         rounding = rounding + rounding_of_joints(system, x, multipliers)
     D = resistance(system, time, x, u)
     M = equations.mass(x)[0] if system.variable_mass else equations.constant_mass

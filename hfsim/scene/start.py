@@ -57,6 +57,8 @@ def placed(start: Start) -> Placed:
     hand_on_known_faces(start, place)
     _refuse_twists(start, place)
     closed, branches = _settle(start, place)
+    # of what is stated to so many digits, the rest would bend bodies
+    start.linkage.close(place.values, ~place.exact)
     _count_on(start, place)
     poses = dict(zip(start.names, start.linkage.poses(place.values), strict=True))
     changes = _changes(start, place, place.values)
