@@ -237,7 +237,8 @@ class DistanceTie(Tie):
 
     def undirected(self, t: Array, x: Array) -> float:
         """Return the size of the force where both points are in one place, but for rounding."""
-        return float(np.abs(self.effort(t, x, 0.0 * x)[0])) if self.meets(x) else 0.0
+        nothing = np.zeros(len(x))
+        return float(np.abs(self._sum(t, nothing, nothing)[0])) if self.meets(x) else 0.0
 
     def meets(self, x: Array) -> bool:
         """Tell whether both points are in one place, but for rounding, in one state."""

@@ -46,3 +46,16 @@ def test_bodies_that_hang_on_a_line_without_weight_move_as_rigid_ones(model):
     found = hfsim.modes(HUNG, {"solve.model": model}, count=6)
     assert [mode.kind for mode in found.modes[:3]] == ["rigid"] * 3
     assert not found.unstable
+
+
+def test_a_spring_between_points_that_a_joint_holds_together_hides_no_vibration():
+    """Its length is rounding: so is what it does, in all coordinates."""
+    kind = {"type": "two_point", "damping": 0.5}
+    turn = {**kind, "between": ["ground", "first"], "stiffness": 1.0}
+    met = {**kind, "between": ["line.mid", "first.q"], "stiffness": 11.0}
+    free = hfsim.modes(HUNG, {"springs": {"turn": turn}}, count=6)
+    for coordinates in ("absolute", "frame"):
+        held = {"springs": {"turn": turn, "met": met}, "solve.coordinates": coordinates}
+        found = hfsim.modes(HUNG, held, count=6)
+        for one, other in zip(found, free, strict=True):
+            assert (one.kind, one.value) == (other.kind, pytest.approx(other.value, rel=1e-6, abs=1e-6))
