@@ -78,3 +78,10 @@ def test_the_resistance_of_a_cable_of_variable_mass_is_no_other_at_rates_next_to
     x = system.absolute(scene.q[None]) + 1e-2 * rng.normal(size=(1, system.n_x))
     still, slow = (resistance(system, t, x, rate * rng.normal(size=x.shape)) for rate in (0.0, 1e-9))
     assert slow == pytest.approx(still, abs=1e-8 * np.abs(still).max())
+
+
+def test_a_cable_is_known_as_well_in_the_model_linear_as_in_exact():
+    """Stiff parts of its force leave no trace in differences of others."""
+    changes = {**BLADE, **CABLE, "bodies.b.section": "round"}
+    linear, exact = (turned(0.5, "steady", model, changes)[2] for model in ("linear", "exact"))
+    assert linear.uncertainty < 3.0 * exact.uncertainty

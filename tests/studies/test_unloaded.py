@@ -59,3 +59,17 @@ def test_a_spring_between_points_that_a_joint_holds_together_hides_no_vibration(
         found = hfsim.modes(HUNG, held, count=6)
         for one, other in zip(found, free, strict=True):
             assert (one.kind, one.value) == (other.kind, pytest.approx(other.value, rel=1e-6, abs=1e-6))
+
+
+@pytest.mark.parametrize("turn", [[-0.52, -0.18, -1.44], [0.28, 0.22, -1.67]])
+def test_a_body_that_rolls_at_the_tip_of_a_line_moves_as_a_rigid_one(turn):
+    """Of some states next to these one alone would have joints nearly without forces."""
+    bodies = {name: HUNG["bodies"][name] for name in ("line", "last")}
+    joints = {
+        "c": {"type": "fixed", "between": ["ground.g", "line.mid"], "orientation": {"rotation_vector": turn}},
+        "e": {**HUNG["joints"]["e"], "between": ["line.tip", "last.q"]},
+    }
+    deck = {**HUNG, "bodies": bodies, "joints": joints, "initial": {}}
+    found = hfsim.modes(deck, {"bodies.line.degree": 4}, count=4)
+    assert found[1].kind == "rigid"
+    assert not found.unstable
