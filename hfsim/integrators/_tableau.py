@@ -13,9 +13,12 @@ from hfsim.integrators._poles import legendre_modes
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.frozen import frozen
 
-SLOW_PART, SLOW_STEPS = 1.0 / 20.0, 100.0
-"""Part of a run for which an error of a velocity that a step leaves is taken to last where motions are slow,
-and the steps that it makes up at most: beyond, rounding would count."""
+SLOW = 0.5
+"""For how long an error of a velocity that a step leaves is taken to last where motions are slow [s], or as
+long as shorter runs last..."""
+SLOW_PART, SLOW_STEPS = 1.0 / 80.0, 100.0
+"""...the part of runs that makes more of it, those longer than 40 s, whose motions may be slower, and the
+steps that it makes up at most: beyond, rounding would count."""
 
 
 def legendre(theta: Array, count: int) -> tuple[Array, Array, Array]:
@@ -97,7 +100,7 @@ class Collocation:
     right: ComplexArray
     parting: Array
     joining: Array
-    longest: float = np.inf
+    longest: float = SLOW
 
     @property
     def stages(self) -> int:
@@ -106,13 +109,16 @@ class Collocation:
 
     def slow(self, h: float) -> Any:
         """Return for how long slow motions go astray by an error of the velocity at the end of a step [s]."""
-        return np.minimum(self.longest, SLOW_STEPS * h)
+        if self.longest <= SLOW:
+            return self.longest
+        return np.maximum(SLOW, np.minimum(self.longest, SLOW_STEPS * h))
 
 
 @lru_cache(maxsize=64)
 def lasting(table: Collocation, duration: float) -> Collocation:
-    """Return a method for a run of some duration [s]."""
-    return replace(table, longest=SLOW_PART * duration)
+    """Return a method for a run of some duration [s]: itself unless that is long, or very short."""
+    longest = max(min(SLOW, duration), SLOW_PART * duration)
+    return table if longest == table.longest else replace(table, longest=longest)
 
 
 def _collocation(nodes: Array, order: int, last: Fraction) -> Collocation:
