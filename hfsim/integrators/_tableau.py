@@ -13,9 +13,9 @@ from hfsim.integrators._poles import legendre_modes
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.frozen import frozen
 
-SLOW = 0.5
-"""For how long an error of a velocity that a step leaves is taken to last where motions are slow [s], or as
-long as shorter runs last..."""
+SLOW, SLOW_RUNS = 0.5, 5.0
+"""For how long an error of a velocity that a step leaves is taken to last where motions are slow [s], and the
+runs that it makes up at most: in microseconds half a second is for ever..."""
 SLOW_PART, SLOW_STEPS = 1.0 / 80.0, 100.0
 """...the part of runs that makes more of it, those longer than 40 s, whose motions may be slower, and the
 steps that it makes up at most: beyond, rounding would count."""
@@ -117,7 +117,7 @@ class Collocation:
 @lru_cache(maxsize=64)
 def lasting(table: Collocation, duration: float) -> Collocation:
     """Return a method for a run of some duration [s]: itself unless that is long, or very short."""
-    longest = max(min(SLOW, duration), SLOW_PART * duration)
+    longest = max(min(SLOW, SLOW_RUNS * duration), SLOW_PART * duration)
     return table if longest == table.longest else replace(table, longest=longest)
 
 
