@@ -86,7 +86,8 @@ solve: {{duration: {0.2 * k}, tolerance: 1.0e-5}}
 @pytest.mark.parametrize("method", ["radau", "gauss"])
 def test_a_small_scene_takes_the_steps_of_a_large_one(method):
     """Ended by what a velocity does in half a second, iterations in microseconds took 240 times the steps."""
-    large, small = (build(parse_deck(cantilever(k)).with_solve({"method": method})) for k in (2.0**-4, 2.0**-13))
+    decks = (parse_deck(cantilever(k)).with_solve({"method": method}) for k in (2.0**-4, 2.0**-13))
+    large, small = map(build, decks)
     one, other = (run_integration(built, built.deck.solve) for built in (large, small))
     assert other.trajectory.t_end == pytest.approx(0.2 * 2.0**-13) and cost(one)[0] < 150
     assert cost(other)[0] == pytest.approx(cost(one)[0], rel=0.05) and cost(other)[1] < 5
