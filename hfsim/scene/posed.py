@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from hfsim.mechanics.constraints import RelativeAngle
 from hfsim.parts.specs import JointSpec
 from hfsim.scene.initial import InitialSpec
-from hfsim.scene.mounts import mounts
 from hfsim.scene.schema import Deck
 
 if TYPE_CHECKING:
@@ -40,6 +39,10 @@ def posed(deck: Deck, rates: bool = False) -> dict[str, JointSpec]:
         f"initial.{name}.{key}": _driver(deck.joints[name], unit, value, rates)
         for name, unit, key, value in stated_of_joints(deck, rates)
     }
+    if not deck.springs:
+        return drivers
+    from hfsim.scene.mounts import mounts
+
     return {**drivers, **mounts(deck, rates)}
 
 
