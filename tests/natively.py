@@ -5,6 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+import hfsim
 from hfsim.integrators import _often, collocation
 from hfsim.integrators._ordinary import MEMORY, PROGRAMS, Rule, State
 from hfsim.maths import kernel
@@ -12,6 +13,7 @@ from hfsim.maths.replayed import Replayed, jittered
 from hfsim.maths.tape import NOTHING, Program, marched
 from hfsim.maths.traced import apart
 from hfsim.mechanics.projection import Projection
+from hfsim.scene.build import build
 
 native = pytest.mark.skipif(kernel.KERNEL == "numpy", reason="the kernel was not built")
 STATES = 3
@@ -32,6 +34,19 @@ def both(monkeypatch, call):
         monkeypatch.setattr(kernel, "KERNEL", way)
         found.append(call())
     return found
+
+
+def runs_alike(deck, monkeypatch, within):
+    """Hold forces and a run of a deck, recorded, against NumPy, channels within parts of their sizes.
+
+    Return the run with the kernel.
+    """
+    evaluates_alike(build(deck))
+    one, other = both(monkeypatch, lambda: hfsim.run(deck, error_estimate=False))
+    assert one.statistics["native_steps"] and not other.statistics["native_steps"]
+    for name in one.units:
+        np.testing.assert_allclose(one[name], other[name], atol=within * (1.0 + np.abs(other[name]).max()))
+    return one
 
 
 def states(scene, rng):
