@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hfsim.deck.fields import split_point
 from hfsim.parts.specs import JointSpec
-from hfsim.scene.rules import owners, parts_of
+from hfsim.scene.rules import connect, owners, parts_of
 from hfsim.scene.schema import Deck
 
 _PLACES, _RATES = ("position", "angle", "orientation"), ("velocity", "angular_velocity")
@@ -30,6 +30,5 @@ def mounts(deck: Deck, rates: bool = False) -> dict[str, JointSpec]:
     # those between bodies of which neither is known come last
     while name := next((k for count in (1, 0) for k, one in every.items() if joins(one, count)), ""):
         found[f"springs.{name}"] = every[name]
-        merged = set().union(*(part[split_point(end)[0]] for end in every[name].between))
-        part.update(dict.fromkeys(merged, merged))
+        connect(part, owners(every[name]))
     return found

@@ -369,9 +369,14 @@ def parts_of(names: Iterable[str], ties: Iterable[Collection[str]]) -> dict[str,
     """Return for each name those that it is connected with, itself among them: one set for all of these."""
     part = {name: {name} for name in names}
     for ends in ties:
-        merged = set().union(*(part[end] for end in ends))
-        part.update({name: merged for name in merged})
+        connect(part, ends)
     return part
+
+
+def connect(part: dict[str, set[str]], ends: Collection[str]) -> None:
+    """Take note that some names are connected, among those that each is connected with, in place."""
+    merged = set().union(*(part[end] for end in ends))
+    part.update(dict.fromkeys(merged, merged))
 
 
 @_rule(

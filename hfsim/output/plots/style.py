@@ -51,5 +51,3 @@ def colour(index: int) -> str:
 def dashes(index: int) -> tuple[float, ...]:
     """Return the dashes of one of several curves, others each time that the colours begin again."""
     return DASHES[index // len(COLOURS) % len(DASHES)]
-
-

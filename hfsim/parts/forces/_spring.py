@@ -57,4 +57,3 @@ class CoordinateSpringSpec(SpringSpec):
             yield TableSpring.through(self.table, rest)
         if self.table is None or self.damping:
             yield LinearSpring(self.stiffness, self.damping, rest, self.preload)
-
