@@ -90,6 +90,7 @@ EXAMPLES = {
         "rotational": {"between": ["ground", "hub"], "stiffness": 3.0, "damping": 0.1},
         "two_point": {"between": TO_ARM, "stiffness": 3.0, "damping": 0.1},
         "bushing": {"between": TO_ARM, "stiffness": 3.0, "release": {"time": 0.01}},
+        "contact": {"between": TO_ARM, "stiffness": 3.0, "friction": {"coefficient": 0.3}},
         "coupling": {"of": {"pin": 1.0, "elbow": -2.0}, "stiffness": 3.0, "damping": 0.1},
     },
     "load": {

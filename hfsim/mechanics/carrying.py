@@ -180,7 +180,8 @@ def _unresisted(ways: Array, forces: Iterable[ForcePart], x: Array, units: Array
     if not held or not len(ways):
         return ways
     rates, here = ways @ units, (np.zeros(len(ways)), np.repeat(x[None], len(ways), axis=0))
-    _, sizes, right = np.linalg.svd(np.array([part.rate(*here, rates) for part in held]))
+    resisted = [(part.rate(*here, rates)[:, None], part.slip(*here, rates)) for part in held]
+    _, sizes, right = np.linalg.svd(np.concatenate([own for pair in resisted for own in pair], axis=1).T)
     return np.asarray(right[np.count_nonzero(sizes > HARDLY * np.abs(rates).max()) :] @ ways)
 
 

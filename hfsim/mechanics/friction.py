@@ -58,5 +58,9 @@ class Friction(Resistance):
         steep = self._level(t) / self.velocity * (1.0 - np.tanh(w / self.velocity) ** 2)
         return np.zeros_like(s), np.asarray(steep)
 
+    def stuck(self, t: Array, w: Array) -> float:
+        """Return its slope."""
+        return float(self.slopes(t, 0.0 * w, w)[1][0]) if abs(w[0]) < SLIDING * self.velocity else 0.0
+
     def _level(self, t: Array) -> float | Array:
         return self.level if self.law is None else self.level * self.law.value(t)

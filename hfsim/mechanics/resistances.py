@@ -65,6 +65,10 @@ class Resistance:
         """Return how far beyond a limit of its own the coordinate is; zero where there is none."""
         return 0.0
 
+    def stuck(self, t: Array, w: Array) -> float:
+        """Return the slope by w of friction that sticks at such a rate (1,); zero where it slides."""
+        return 0.0
+
     def standing(self) -> Resistance:
         """Return it without the rate at which what it goes to moves on."""
         return self

@@ -140,6 +140,18 @@ class Tie(PointPart):
         s, w, _ = self._all(t, x, u)
         return -self._sum(t, s, w)
 
+    def slip(self, t: Array, x: Array, u: Array) -> Array:
+        """Return the rates that friction resists, shape (n_batch, k)."""
+        return self.rate(t, x, u)[:, None]
+
+    def stuck(self, t: Array, x: Array, u: Array) -> float:
+        """Return the slope by these of friction that sticks in one state; zero where nothing does."""
+        return sum(one.stuck(t, self.rate(t, x, u)) for one in self.resistances)
+
+    def delivered(self, t: Array, x: Array, u: Array) -> Array:
+        """Return what all resistances put into both bodies [W], shape (n_batch,)."""
+        return self.effort(t, x, u) * self.rate(t, x, u)
+
     def _all(self, t: Array, x: Array, u: Array) -> tuple[Array, Array, list[Array]]:
         """Return the coordinate, its rate where that counts, and its derivatives."""
         s, rows = self.measured(t, x)

@@ -160,7 +160,7 @@ class SpringSpec(Spec):
             if getattr(self.release, key) is not None and key not in self.limits:
                 hint = f"a {' or a '.join(self.limits)}, or a time"
                 yield Complaint(("release", key), f"this spring has no {key} by which it could let go", hint)
-        for key in ("friction", "stops", "latch"):
+        for key in self.lasting:
             if getattr(self, key, None) is not None:
                 hint = "state it in a spring of its own"
                 yield Complaint((key,), f"a spring that lets go has no {key}", hint, True)
@@ -192,8 +192,13 @@ class SpringSpec(Spec):
     limits: ClassVar[tuple[str, ...]] = ()
     """What of its efforts may make it let go: ``force``, ``moment``."""
 
-    of_frames: ClassVar[bool] = False
-    """Whether it depends on how its points' frames are turned, which those of a line are not."""
+    lasting: ClassVar[tuple[str, ...]] = ("friction", "stops", "latch")
+    """Its keys of what does not let go."""
+
+    @property
+    def framed(self) -> tuple[str, ...]:
+        """Those of its points on whose frames' turns it depends, which lines have not."""
+        return ()
 
     reacts: ClassVar[bool] = True
     """Whether what it does to its second point is one force and one moment."""

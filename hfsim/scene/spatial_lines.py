@@ -46,8 +46,8 @@ def refusals(deck: Deck) -> Iterator[Complaint]:
             yield Complaint(("joints", name), message, hint)
         yield from _unmeasured(name, joint, (first, second), facings)
     for name, spring in deck.springs.items():
-        on = [end for end in spring.points if split_point(end)[0] in lines]
-        if on and spring.of_frames:
+        on = [end for end in spring.framed if split_point(end)[0] in lines]
+        if on:
             message = f"'{on[0]}' has no section whose turn could be measured: it is on a line"
             yield Complaint(("springs", name), message, f"{SECTIONS}, or two_point springs beside the axis")
         for key, entry in spring.on.items():

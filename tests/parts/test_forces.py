@@ -14,6 +14,7 @@ from hfsim.mechanics.point_loads import PointForce, PointMoment
 from hfsim.parts.forces import LOADS as LOAD_KINDS
 from hfsim.parts.forces import SPRINGS as SPRING_KINDS
 from hfsim.parts.forces.bushing import BushingSpec
+from hfsim.parts.forces.contact import ContactSpec
 from hfsim.parts.forces.coupling import CouplingSpec
 from hfsim.parts.forces.distributed import DistributedSpec
 from hfsim.parts.forces.force import ForceSpec
@@ -38,6 +39,7 @@ def test_every_force_is_covered():
     own = {"force": ForceSpec, "moment": MomentSpec, "rotational": RotationalSpec, "two_point": TwoPointSpec}
     own["distributed"] = DistributedSpec  # in test_distributed.py
     own["bushing"] = BushingSpec  # in test_bushings.py
+    own["contact"] = ContactSpec  # in test_contacts.py
     own["coupling"] = CouplingSpec  # in test_couplings.py
     assert {k: f"{spec.__module__}.{spec.__name__}" for k, spec in own.items()} == SPRING_KINDS | LOAD_KINDS
 

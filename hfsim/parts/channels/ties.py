@@ -42,7 +42,7 @@ def _effort(unit: str) -> Callable[[Samples, str], Array]:
 def _power(samples: Samples, name: str) -> Array:
     """Return what ties do at the rates of their coordinates, and what drivers do."""
     scene, state = samples.scene, samples.state
-    parts = [tie.effort(*state) * tie.rate(*state) for tie in scene.ties(name)]
+    parts = [tie.delivered(*state) for tie in scene.ties(name)]
     if name in scene.joints:
         driven = joint_multipliers(samples, name)
         parts += [np.sum(own * one.rate(samples.t), axis=-1) for one, own in driven if one.driven]

@@ -9,6 +9,7 @@ from hfsim.deck.spec import OneOf, Spec
 
 if TYPE_CHECKING:
     from hfsim.parts.forces.bushing import BushingSpec
+    from hfsim.parts.forces.contact import ContactSpec
     from hfsim.parts.forces.coupling import CouplingSpec
     from hfsim.parts.forces.distributed import DistributedSpec
     from hfsim.parts.forces.force import ForceSpec
@@ -16,13 +17,14 @@ if TYPE_CHECKING:
     from hfsim.parts.forces.rotational import RotationalSpec
     from hfsim.parts.forces.two_point import TwoPointSpec
 
-    AnySpring = RotationalSpec | TwoPointSpec | BushingSpec | CouplingSpec
+    AnySpring = RotationalSpec | TwoPointSpec | BushingSpec | ContactSpec | CouplingSpec
     AnyLoad = ForceSpec | MomentSpec | DistributedSpec
 
 SPRINGS = {
     "rotational": "hfsim.parts.forces.rotational.RotationalSpec",
     "two_point": "hfsim.parts.forces.two_point.TwoPointSpec",
     "bushing": "hfsim.parts.forces.bushing.BushingSpec",
+    "contact": "hfsim.parts.forces.contact.ContactSpec",
     "coupling": "hfsim.parts.forces.coupling.CouplingSpec",
 }
 LOADS = {

@@ -28,7 +28,6 @@ class BushingSpec(SpringSpec):
     vectors = ("stiffness", "damping", "place")
     spatial = ("orientation",)
     carries = True
-    of_frames = True
     limits = ("force", "moment")
 
     type: Literal["bushing"]
@@ -57,6 +56,11 @@ class BushingSpec(SpringSpec):
 
     orientation: Orientation | None = None
     """Orientation of B's frame relative to A's without moment, in space; the same without it."""
+
+    @property
+    def framed(self) -> tuple[str, ...]:
+        """Both points."""
+        return self.between
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield a bushing that says nothing of its force, and rest that is stated twice."""

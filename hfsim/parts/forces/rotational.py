@@ -30,7 +30,6 @@ class RotationalSpec(TurningResistanceSpec, CoordinateSpringSpec):
     vectors = ("axis",)
     spatial = ("axis", "orientation")
     measures = (("rad", ""),)
-    of_frames = True
     limits = ("moment",)
 
     type: Literal["rotational"]
@@ -58,6 +57,11 @@ class RotationalSpec(TurningResistanceSpec, CoordinateSpringSpec):
     orientation: Orientation | None = None
     """Orientation of B's frame relative to A's where the angle is zero, in space; without it the smallest
     rotation that takes the axis in B to that in A. The axis in B is what lies along A's at the start."""
+
+    @property
+    def framed(self) -> tuple[str, ...]:
+        """Both points."""
+        return self.between
 
     def slips_in(self, around: Around) -> Iterator[Complaint]:
         """Yield an angle that looks like degrees."""

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from hfsim.maths.arrays import ComplexArray
-from hfsim.mechanics.friction import SLIDING, Friction
 from hfsim.mechanics.ties import Tie
 from hfsim.scene.build import Scene
 from hfsim.studies.modes.about import About
@@ -44,33 +43,23 @@ def sticking(state: About, modes: Sequence[tuple[complex, ComplexArray]]) -> lis
         Eigenvalues, and changes (n_x,) of the absolute coordinates.
     """
     found = list[Sticking]()
-    for part in state.scene.system.forces:
-        damping = _damping(state, part) if isinstance(part, Tie) else 0.0
-        if isinstance(part, Tie) and any(_share(state, part, damping, *mode) > _COUNTS for mode in modes):
+    at, x, u = np.array([state.t]), state.motions.x[None], state.motions.u[None]
+    for part in (one for one in state.scene.system.forces if isinstance(one, Tie)):
+        damping = part.stuck(at, x, u)
+        if damping and any(_share(state, part, damping, *mode) > _COUNTS for mode in modes):
             turning = part.unit == "rad"
             unit = "N m s/rad" if turning else "N s/m"
             found.append(Sticking(_place(state.scene, part, turning), damping, unit))
     return found
 
 
-def _damping(state: About, part: Tie) -> float:
-    """Return the slope of friction that sticks; zero where there is none, or where it slides."""
-    at, x, u = np.array([state.t]), state.motions.x[None], state.motions.u[None]
-    rubbing = [one for one in part.resistances if isinstance(one, Friction)]
-    if not rubbing:
-        return 0.0
-    w = part.rate(at, x, u)
-    stuck = [one for one in rubbing if abs(w[0]) < SLIDING * one.velocity]
-    return float(sum(one.slopes(at, 0.0 * w, w)[1][0] for one in stuck))
-
-
 def _share(state: About, part: Tie, damping: float, value: complex, change: ComplexArray) -> float:
     """Return the part of critical damping that a damper makes of a mode."""
     scene, at, x = state.scene, np.array([state.t]), state.motions.x[None]
     moves = np.stack([change.real, change.imag])
-    rates = [float(part.rate(at, x, one[None])[0]) for one in moves]
+    rates = np.concatenate([part.slip(at, x, one[None]) for one in moves])
     energy = float(np.sum(moves * scene.system.equations.momentum(x, moves)))
-    lost, kept = damping * abs(complex(*rates)) ** 2, 2.0 * abs(value) * energy
+    lost, kept = damping * float(np.sum(rates**2)), 2.0 * abs(value) * energy
     return lost / kept if kept else float(np.inf if lost > _COUNTS * energy else 0.0)
 
 

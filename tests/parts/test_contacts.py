@@ -1,0 +1,268 @@
+"""Contacts of points and balls with planes: bounces, slides, rolls, in the plane and in space."""
+
+import math
+
+import numpy as np
+import pytest
+from natively import native, runs_alike
+from solved import parsed
+
+import hfsim
+from hfsim.errors import DeckError
+from hfsim.mechanics.rubbing import RubbingTie
+from hfsim.scene.build import build
+
+RADIUS, MASS = 0.05, 0.4
+INERTIA = 0.4 * MASS * RADIUS**2
+TOUCH = {
+    "type": "contact",
+    "between": ["ground", "ball"],
+    "radius": RADIUS,
+    "stiffness": 1.0e5,
+    "damping": 1.0,
+    "friction": {"coefficient": 0.3, "velocity": 1e-4},
+}
+
+
+def resting(weight):
+    """How deep a weight presses into the floor: within the transition of 1 mm."""
+    y = np.roots([-0.5, 1.0, 0.0, 0.0, -weight / 100.0])
+    (y,) = y[(abs(y.imag) < 1e-12) & (y.real > 0.0) & (y.real < 1.0)].real
+    return 1e-3 * float(y)
+
+
+def ball(n_dim, start, gravity, touch=(), more=None, **solve):
+    """A ball on a floor through the origin, whose normal is the last axis."""
+    inertia = INERTIA if n_dim == 2 else 3 * [INERTIA]
+    deck = {
+        "hfsim": 1,
+        "gravity": gravity,
+        "bodies": {"ball": {"type": "rigid", "mass": MASS, "inertia": inertia}},
+        "springs": {"floor": TOUCH | dict(touch)},
+        "initial": {"ball": start},
+        "solve": {"duration": 0.5, "tolerance": 1e-6, **solve},
+        "output": {"interval": 0.01, "channels": ["ball.x", "ball.vx", *MEASURED, *OF_BALL[n_dim]]},
+    }
+    return parsed(deck | (more or {}))
+
+
+MEASURED = ("floor.distance", "floor.force", "floor.power", "energy.total")
+OF_BALL = {
+    2: ("ball.y", "ball.vy", "ball.angular_velocity", "floor.force_x", "floor.force_y", "floor.moment"),
+    3: ("ball.y", "ball.vy", "ball.z", "ball.angular_velocity_x", "ball.angular_velocity_y"),
+}
+
+
+def run(deck, **settings):
+    return hfsim.run(deck, settings, error_estimate=False, diagnosis=False)
+
+
+def test_a_point_bounces_without_loss_and_goes_on_along_the_floor():
+    start = {"position": [0.0, 0.2], "velocity": [0.7, 0.0], "angular_velocity": 5.0}
+    found = run(ball(2, start, [0, -9.81], {"radius": 0.0, "damping": 0.0, "friction": None}, duration=1.2))
+    np.testing.assert_allclose(found["energy.total"], found["energy.total"][0], rtol=1e-6)
+    np.testing.assert_allclose(found["ball.x"], 0.7 * found.t, atol=1e-9)
+    np.testing.assert_allclose(found["ball.angular_velocity"], 5.0)
+    assert found["ball.y"].min() > -0.01 and found["ball.y"][found.t > 0.5].max() > 0.19
+    np.testing.assert_allclose(found["floor.distance"], found["ball.y"], atol=1e-12)
+
+
+def test_backspin_slides_until_it_rolls():
+    """Its angular momentum about the floor stays: m R v - I w; rolling is v = -R w."""
+    depth = resting(MASS * 9.81)
+    start = {"position": [0.0, RADIUS - depth], "velocity": [1.0, 0.0], "angular_velocity": 30.0}
+    found = run(ball(2, start, [0, -9.81]))
+    slides = (1.0 + RADIUS * 30.0) / (0.3 * 9.81 * (1.0 + MASS * RADIUS**2 / INERTIA))
+    sliding, rolling = found.t < 0.95 * slides, found.t > 1.1 * slides
+    np.testing.assert_allclose(found["ball.vx"][sliding], 1.0 - 0.3 * 9.81 * found.t[sliding], rtol=1e-6)
+    np.testing.assert_allclose(found["floor.force_x"][sliding], -0.3 * MASS * 9.81, rtol=1e-6)
+    np.testing.assert_allclose(found["floor.force_y"], MASS * 9.81, rtol=1e-5)
+    np.testing.assert_allclose(found["floor.force"], found["floor.force_y"])
+    np.testing.assert_allclose(found["floor.moment"], RADIUS * found["floor.force_x"], atol=1e-12)
+    v = (MASS * RADIUS * 1.0 - INERTIA * 30.0) / (MASS * RADIUS + INERTIA / RADIUS)
+    np.testing.assert_allclose(found["ball.vx"][rolling], v, rtol=1e-6)
+    np.testing.assert_allclose(found["ball.angular_velocity"][rolling], -v / RADIUS, rtol=1e-6)
+    slip = found["ball.vx"] + RADIUS * found["ball.angular_velocity"]
+    np.testing.assert_allclose(found["floor.power"], found["floor.force_x"] * slip, atol=1e-6)
+
+
+@pytest.mark.parametrize("n_dim", [2, 3])
+@pytest.mark.parametrize("slope", [0.2, 1.0])
+def test_down_a_slope_it_rolls_or_slides(n_dim, slope):
+    """5/7 g sin rolling, up to a slope of 7/2 of the friction; g (sin - mu cos) beyond."""
+    pull, press = 9.81 * math.sin(slope), 9.81 * math.cos(slope)
+    gravity = [pull, *(n_dim - 2) * [0.0], -press]
+    start = {"position": [*(n_dim - 1) * [0.0], RADIUS - resting(MASS * press)]}
+    found = run(ball(n_dim, start, gravity, tolerance=1e-5))
+    rolls = np.tan(slope) < 3.5 * 0.3
+    expected = pull * 5.0 / 7.0 if rolls else pull - 0.3 * press
+    np.testing.assert_allclose(found["ball.vx"], expected * found.t, atol=2e-4)
+    turned = found["ball.angular_velocity"] if n_dim == 2 else -found["ball.angular_velocity_y"]
+    at_rim = expected if rolls else 2.5 * 0.3 * press
+    np.testing.assert_allclose(-RADIUS * turned, at_rim * found.t, atol=5e-4)
+
+
+def turntable(rate):
+    return {
+        "bodies": {
+            "ball": {"type": "rigid", "mass": MASS, "inertia": 3 * [INERTIA]},
+            "table": {"type": "rigid", "mass": 1.0, "inertia": [1, 1, 1]},
+        },
+        "joints": {
+            "axle": {"type": "revolute", "between": ["ground", "table"]},
+            "motor": {
+                "type": "driver",
+                "between": ["ground", "table"],
+                "angle": {"type": "constant_rate", "rate": rate},
+            },
+        },
+    }
+
+
+def test_on_a_turntable_it_circles_with_two_sevenths_of_its_rate():
+    """What starts without slip at a velocity v keeps its size."""
+    rate, at, v = 3.0, 0.3, 0.2
+    spin = [(rate * at - v) / RADIUS, 0.0, 0.0]
+    start = {"position": [at, 0.0, RADIUS - resting(MASS * 9.81)], "velocity": [0.0, v, 0.0]}
+    start["angular_velocity"] = spin
+    touch = {"between": ["table", "ball"], "friction": {"coefficient": 0.8, "velocity": 1e-3}}
+    found = run(ball(3, start, [0, 0, -9.81], touch, turntable(rate), tolerance=1e-4))
+    turn = np.exp(2j / 7.0 * rate * found.t)
+    np.testing.assert_allclose(found["ball.vx"] + 1j * found["ball.vy"], 1j * v * turn, atol=1e-3)
+
+
+def test_what_rests_beside_a_turning_table_does_not_shorten_its_steps():
+    start = {"position": [0.5, 0.0, RADIUS - resting(MASS * 9.81)]}
+    found = run(ball(3, start, [0, 0, -9.81], {}, turntable(7.0), tolerance=1e-5))
+    assert found.statistics["steps"] < 100
+    np.testing.assert_allclose(found["ball.x"], 0.5, atol=1e-9)
+
+
+def two_bodies(n_dim):
+    """A ball that presses and rubs on a plate, both free and turning."""
+    axes, inertias = n_dim - 1, (INERTIA, 0.01) if n_dim == 2 else (3 * [INERTIA], [0.01, 0.02, 0.03])
+    return ball(
+        n_dim,
+        {"position": [0.1, *(axes - 1) * [0.05], 0.045], "velocity": [0.5, *(axes - 1) * [0.2], -0.3]},
+        n_dim * [0.0],
+        {"between": ["plate", "ball"], "friction": {"coefficient": 0.5, "velocity": 1e-2}},
+        {
+            "bodies": {
+                "ball": {"type": "rigid", "mass": MASS, "inertia": inertias[0]},
+                "plate": {"type": "rigid", "mass": 0.7, "inertia": inertias[1]},
+            },
+            "initial": {
+                "ball": {
+                    "position": [0.1, *(axes - 1) * [0.05], 0.045],
+                    "velocity": [0.5, *(axes - 1) * [0.2], -0.3],
+                    "angular_velocity": 4.0 if n_dim == 2 else [4.0, -3.0, 2.0],
+                },
+                "plate": {
+                    "velocity": [*axes * [0.0], 0.2],
+                    "angular_velocity": 0.5 if n_dim == 2 else [0.5, 0.2, 1.0],
+                },
+            },
+            "output": {"interval": 0.002, "channels": [*MOMENTA[n_dim], *MEASURED]},
+        },
+        duration=0.1,
+    )
+
+
+LINEAR = ("momentum.linear_x", "momentum.linear_y")
+MOMENTA = {
+    2: (*LINEAR, "momentum.angular"),
+    3: (*LINEAR, "momentum.linear_z", *(f"momentum.angular_{axis}" for axis in "xyz")),
+}
+
+
+@pytest.mark.parametrize("n_dim", [2, 3])
+def test_between_free_bodies_momenta_stay_and_power_is_what_energy_loses(n_dim):
+    found = run(two_bodies(n_dim))
+    for name in MOMENTA[n_dim]:
+        np.testing.assert_allclose(found[name], found[name][0], atol=1e-8)
+    assert found["floor.force"].max() > 1.0 and found["floor.force"][-1] == 0.0
+    assert found["energy.total"][-1] < found["energy.total"][0] - 1e-3
+    assert found.statistics["energy_drift"] < 1e-6
+
+
+@native
+@pytest.mark.parametrize("n_dim", [2, 3])
+def test_they_are_recorded(n_dim, monkeypatch):
+    runs_alike(two_bodies(n_dim), monkeypatch, 1e-6)
+
+
+@pytest.mark.parametrize("n_dim", [2, 3])
+@pytest.mark.parametrize("slip", [0.0, 1.0])
+def test_tangents_are_derivatives(n_dim, slip):
+    scene = build(two_bodies(n_dim))
+    system = scene.system
+    (part,) = (one for one in system.forces if isinstance(one, RubbingTie))
+    x, u = system.absolute(scene.q[None]), slip * system.absolute_velocity(scene.q[None], scene.v[None])
+    t, n = np.zeros(1), x.shape[1]
+
+    def force(x, u):
+        out = np.zeros((len(x), n))
+        part.add_force(np.zeros(len(x)), x, u, out)
+        return out
+
+    step = 1e-7 * np.eye(n)
+    each = np.repeat(x, n, axis=0), np.repeat(u, n, axis=0)
+    for entries, ahead, back in (
+        (part.tangent(t, x, u), force(each[0] + step, each[1]), force(each[0] - step, each[1])),
+        (part.rate_tangent(t, x, u), force(each[0], each[1] + step), force(each[0], each[1] - step)),
+    ):
+        matrix = np.zeros((n, n))
+        np.add.at(matrix, (entries.rows, entries.columns), entries.values)
+        slopes = -(ahead - back).T / 2e-7
+        np.testing.assert_allclose(matrix, slopes, atol=2e-4 * np.abs(slopes).max())
+
+
+def test_a_floor_may_open_and_what_starts_in_it_is_told():
+    start = {"position": [0.0, RADIUS - resting(MASS * 9.81)]}
+    found = run(ball(2, start, [0, -9.81], {"release": {"time": 0.2}}))
+    falls = np.maximum(found.t - 0.2, 0.0)
+    np.testing.assert_allclose(found["ball.y"], start["position"][1] - 0.5 * 9.81 * falls**2, atol=1e-6)
+    assert found.statistics["releases"] == {"springs.floor": pytest.approx(0.2)}
+    deep = run(ball(2, {"position": [0.0, 0.04]}, [0, -9.81], duration=0.01))
+    assert any("springs.floor" in one and "0.01 m beyond" in one for one in deep.statistics["warnings"])
+
+
+def test_modes_tell_that_it_sticks():
+    more = {"springs": {
+        "floor": TOUCH | {"friction": {"coefficient": 0.3}},
+        "leash": {"type": "bushing", "between": ["ground", "ball"], "stiffness": [100.0, 0.0],
+                  "rotational_stiffness": 1.0},
+    }}  # fmt: skip
+    start = {"position": [0.0, RADIUS - resting(MASS * 9.81)]}
+    found = hfsim.modes(ball(2, start, [0, -9.81], more=more))
+    assert found.facts()["sticking"] == {"springs.floor.friction": pytest.approx(300.0 * MASS * 9.81)}
+
+
+CABLE = """
+hfsim: 1
+gravity: [0, 0, -9.81]
+materials: {rubber: {density: 1100, youngs_modulus: 10 MPa}}
+sections: {rod: {shape: circle, diameter: 10 mm}}
+bodies:
+  rope: {type: beam, element: cable, material: rubber, section: rod, length: 0.5, elements: 2}
+springs:
+  floor{k=0..1}:
+    type: contact
+    between: [ground, "rope.${'root' if k == 0 else 'tip'}"]
+    radius: 5 mm
+    stiffness: 1.0e4
+    damping: 1.0
+initial: {rope: {position: [0, 0, 0.1]}}
+solve: {duration: 0.5, tolerance: 1.0e-4}
+output: {channels: [rope.tip.z]}
+"""
+
+
+def test_lines_in_space_touch_a_floor_but_do_not_rub_as_balls():
+    deck = CABLE.replace("{k=0..1}", "").replace("\"rope.${'root' if k == 0 else 'tip'}\"", "rope.tip")
+    found = run(parsed(deck))
+    assert found["rope.tip.z"].min() > 0.003
+    with pytest.raises(DeckError, match=r"springs.floor: 'rope.tip' has no section"):
+        build(parsed(deck.replace("damping: 1.0", "damping: 1.0\n    friction: {coefficient: 0.3}")))
+    with pytest.raises(DeckError, match=r"springs.floor: 'rope.tip' has no section"):
+        build(parsed(deck.replace("[ground, rope.tip]", "[rope.tip, ground]")))
