@@ -20,7 +20,7 @@ from hfsim.mechanics.linearized import Linearized, by_differences
 from hfsim.mechanics.strained import Strains
 
 if TYPE_CHECKING:
-    from hfsim.mechanics.carrying import Carrying
+    from hfsim.mechanics.carrying import Carrying, CarryingApart
     from hfsim.mechanics.slopes import Slopes
 
 
@@ -190,7 +190,7 @@ class Problem:
     culprit: Callable[[float, Array, Array], SolverFailure | None] = lambda t, q, v: None
     increments: Increments = field(default_factory=PlainIncrements)
     slopes: Slopes | None = None
-    carrying: Callable[[], Carrying | None] = lambda: None
+    carrying: Callable[[], Carrying | CarryingApart | None] = lambda: None
     imbalance: Callable[[Array, Array, Array, Array], tuple[Array, Array]] | None = None
     strains: Strains | None = None
     constant_mass: bool = True

@@ -28,7 +28,7 @@ from hfsim.scene.rules import closes_loops
 from hfsim.scene.schema import SolveSpec
 
 if TYPE_CHECKING:
-    from hfsim.mechanics.carrying import Carrying
+    from hfsim.mechanics.carrying import Carrying, CarryingApart
     from hfsim.mechanics.slopes import Slopes
 
 
@@ -216,12 +216,12 @@ def _slopes(scene: Scene) -> Slopes | None:
     return Slopes.of(scene.system, (scene.q, scene.v))
 
 
-def _carrying(scene: Scene) -> Carrying | None:
+def _carrying(scene: Scene) -> Carrying | CarryingApart | None:
     return scene.kept(("carrying",), lambda: _carrying_of(scene))
 
 
-def _carrying_of(scene: Scene) -> Carrying | None:
-    """Return rigid motions of everything in space."""
+def _carrying_of(scene: Scene) -> Carrying | CarryingApart | None:
+    """Return rigid motions in space: of everything, or of what nothing connects."""
     system = scene.system
     if scene.deck.dimension == 2 or system.charts or system.variable_mass:
         return None

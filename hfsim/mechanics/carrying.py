@@ -1,4 +1,6 @@
-"""Rigid motion of everything, along which steps in space are guessed: of rotors, and of whatever flies.
+"""Rigid motions along which steps in space are guessed: of rotors, and of whatever flies or rolls.
+
+They are those of everything, or of each part that neither joints nor springs connect with others.
 
 A turn about an axis that stands still or moves on evenly is known for all times: rates u of it lead after
 an angle to changes (sin(angle) / r) u + ((1 - cos(angle)) / r^2) w x u at a spin w of size r (Rodrigues).
@@ -34,6 +36,8 @@ HARDLY = 1e-2
 """Rate of what holds to the ground, over those of all that moves, that is next to none: shafts may sag."""
 _FLAT = 1e-4
 """Size of a motion about one axis, over that about another, from which down it is next to nothing."""
+MOST = 8
+"""Parts that are carried each by itself: of more everything is, as one."""
 SLIGHT = 1e-3
 """Angle in a step [rad] for which nothing need be carried along."""
 _TINY = 1e-300
@@ -61,13 +65,52 @@ class Carried:
 
     def seen(self, changes: Array) -> Array:
         """Return changes (n_times, n) in these axes as changes of the coordinates."""
+        return np.asarray(changes + self.turned_on(changes))
+
+    def turned_on(self, changes: Array) -> Array:
+        """Return what turning along adds to changes (n_times, n)."""
         first = self.carrying.turned(self.spin, changes)
-        return np.asarray(changes + self.once * first + self.twice * self.carrying.turned(self.spin, first))
+        return np.asarray(self.once * first + self.twice * self.carrying.turned(self.spin, first))
+
+
+@frozen
+class CarriedApart:
+    """A state of which several parts are carried along, each by itself; attributes as those of `Carried`."""
+
+    moved: Array
+    v: Array
+    a: Array
+    each: tuple[Carried, ...]
+
+    def seen(self, changes: Array) -> Array:
+        """Return changes (n_times, n) in these axes as changes of the coordinates."""
+        return np.asarray(sum((one.turned_on(changes) for one in self.each), changes))
+
+
+@frozen
+class CarryingApart:
+    """Rigid motions of several parts that neither joints nor springs connect.
+
+    Attributes
+    ----------
+    each : tuple of Carrying
+    others : ndarray, shape (n,)
+        One for coordinates of what is not carried, zero for those of these parts.
+    """
+
+    each: tuple[Carrying, ...]
+    others: Array
+
+    def along(self, q: Array, v: Array, a: Array, times: Array) -> CarriedApart:
+        """Carry a state (n,) on as its rates and accelerations say, by times (n_times,) [s]."""
+        each = tuple(one.along(q, v, a, times) for one in self.each)
+        left = (sum((one.v for one in each), self.others * v), sum((one.a for one in each), self.others * a))
+        return CarriedApart(sum((one.moved for one in each[1:]), each[0].moved), *left, each)
 
 
 @frozen
 class Carrying:
-    """Rigid motions of everything in space, where all coordinates are those of vectors.
+    """Rigid motions of everything, or of a part, in space, where all coordinates are those of vectors.
 
     What joints with the ground forbid is none of them: it would strain what they hold.  Nor is what springs
     and stops on the ground resist, which stiffness has to guess.
@@ -81,6 +124,8 @@ class Carrying:
     straight : int
         How many of them are shifts.
     mass : ndarray, shape (n, n)
+    own : ndarray, shape (n,), or None
+        One for coordinates of the part, zero for others; None where it is everything.
     """
 
     reduction: Reduction
@@ -88,9 +133,10 @@ class Carrying:
     ways: Array
     straight: int
     mass: Array
+    own: Array | None = None
 
     @classmethod
-    def of(cls, system: System, bodies: Sequence[Body], at: Array) -> Carrying | None:
+    def of(cls, system: System, bodies: Sequence[Body], at: Array) -> Carrying | CarryingApart | None:
         """Return those that nothing hinders at coordinates ``at`` (n_x,): of a constant mass.
 
         None is returned where no turn is among them, or others than vectors turn.
@@ -100,13 +146,24 @@ class Carrying:
             if not np.array_equal(unit.rates(x), _turned(spin, x)):
                 return None
         rates = np.concatenate([one.rates(at[None]) for one in units])
+        parts, rows = _parts(system, bodies), system.reduction.rows
+        if not 1 < len(parts) <= MOST:
+            return cls._of(system, at, rates)
+        found = [(own, cls._of(system, at, rates * own, own[rows])) for own in parts]
+        left = [own[rows] for own, one in found if one is None]
+        each = tuple([one for _, one in found if one is not None])
+        return CarryingApart(each, sum(left, np.zeros(len(rows)))) if each else None
+
+    @classmethod
+    def _of(cls, system: System, at: Array, rates: Array, own: Array | None = None) -> Carrying | None:
+        """Return those of rates (6, n_x), of the unit motions, that nothing hinders."""
         ways = _unresisted(undriven(system.equations, at, rates), system.forces, at, rates)
         straight = null_space(ways[:, 3:].T, 1.0).T @ ways
         if len(straight) == len(ways):
             return None
         turns = null_space(straight @ ways.T, 1.0).T @ ways
         shifts, mass = system.reduction.free_rates(rates[:3]), system.equations.free_mass
-        return cls(system.reduction, shifts, np.concatenate([straight, turns]), len(straight), mass)
+        return cls(system.reduction, shifts, np.concatenate([straight, turns]), len(straight), mass, own)
 
     def along(self, q: Array, v: Array, a: Array, times: Array) -> Carried:
         """Carry a state (n,) on as its rates and accelerations say, by times (n_times,) [s].
@@ -114,7 +171,8 @@ class Carrying:
         Of the rigid motions that is the nearest to its rates; nothing is carried where it hardly turns.
         """
         x = self.reduction.expand(q[None])
-        turns = [self.reduction.free_rates(_turned(axis, x)) for axis in np.eye(3)]
+        v, a = self._of_own(v), self._of_own(a)
+        turns = [self._of_own(self.reduction.free_rates(_turned(axis, x))) for axis in np.eye(3)]
         units = self.ways @ np.concatenate([self.shifts, *turns])
         factors = self._nearest(units, v)
         whole, spin = factors @ units, (factors @ self.ways)[3:]
@@ -136,7 +194,10 @@ class Carrying:
 
     def turned(self, spin: Array, changes: Array) -> Array:
         """Return the rates of changes (n_batch, n) that turn along."""
-        return self.reduction.free_rates(_turned(spin, self.reduction.expand_rates(changes)))
+        return self._of_own(self.reduction.free_rates(_turned(spin, self.reduction.expand_rates(changes))))
+
+    def _of_own(self, changes: Array) -> Array:
+        return changes if self.own is None else changes * self.own
 
     def _travel(self, whole: Array, velocity: Array, spin: Array, a: Array) -> Array:
         """Return the rates (n,) by which the axis moves on, of those of everything, ``whole``.
@@ -174,14 +235,27 @@ class Carrying:
         return np.asarray(found / sizes)
 
 
+def _parts(system: System, bodies: Sequence[Body]) -> list[Array]:
+    """Return one at the coordinates of each part that joints and springs connect, zero elsewhere, (n_x,)."""
+    part = np.zeros(system.n_x)
+    for body in bodies:
+        part[body.columns] = body.columns.start
+    held = (one.markers for one in system.forces if isinstance(one, Tie) and one.holds_together)
+    for ends in (*(one.ends for one in system.equations.constraints), *held):
+        joined = [part[end.columns.start] for end in ends if not end.grounded]
+        for other in joined[1:]:
+            part[part == other] = joined[0]
+            joined = [joined[0] if one == other else one for one in joined]
+    return [np.where(part == one, 1.0, 0.0) for one in np.unique(part)]
+
+
 def _unresisted(ways: Array, forces: Iterable[ForcePart], x: Array, units: Array) -> Array:
     """Return those of motions (k, 6) that change no length or angle which holds what moves to the ground."""
     held = [part for part in forces if isinstance(part, Tie) and part.holds]
     if not held or not len(ways):
         return ways
     rates, here = ways @ units, (np.zeros(len(ways)), np.repeat(x[None], len(ways), axis=0))
-    resisted = [(part.rate(*here, rates)[:, None], part.slip(*here, rates)) for part in held]
-    _, sizes, right = np.linalg.svd(np.concatenate([own for pair in resisted for own in pair], axis=1).T)
+    _, sizes, right = np.linalg.svd(np.array([part.rate(*here, rates) for part in held]))
     return np.asarray(right[np.count_nonzero(sizes > HARDLY * np.abs(rates).max()) :] @ ways)
 
 

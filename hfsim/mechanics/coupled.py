@@ -28,7 +28,7 @@ class CountingTie(GapTie):
     counts_for_others: ClassVar[bool] = True
 
     @property
-    def holds(self) -> bool:
+    def holds_together(self) -> bool:
         """Tell that it resists nothing."""
         return False
 

@@ -44,6 +44,7 @@ class RubbingTie(GapTie):
     told: ClassVar[str] = "contact with friction"
     uses_rates: ClassVar[bool] = True
     exchanges_power: ClassVar[bool] = True
+    holds_together: ClassVar[bool] = False
 
     @classmethod
     def with_friction(cls, tie: GapTie, radius: float, coefficient: float, velocity: float) -> RubbingTie:

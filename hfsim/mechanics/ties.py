@@ -61,9 +61,14 @@ class Tie(PointPart):
         return True
 
     @property
+    def holds_together(self) -> bool:
+        """Whether it holds what moves on evenly to what it ties it to."""
+        return any(one.holds for one in self.resistances)
+
+    @property
     def holds(self) -> bool:
-        """Whether it holds what moves on evenly to the ground."""
-        return any(one.holds for one in self.resistances) and any(one.grounded for one in self.markers)
+        """Whether that is the ground."""
+        return self.holds_together and any(one.grounded for one in self.markers)
 
     @cached_property
     def _ends(self) -> tuple[tuple[int, Marker], ...]:
