@@ -96,6 +96,7 @@ EXAMPLES = {
     "load": {
         "force": AT_TIP | {"force": [0.1, 0.2]},
         "moment": AT_TIP | {"moment": 0.1},
+        "drag": AT_TIP | {"density": 1.2, "coefficient": 1.0, "area": 0.1},
         "distributed": {"on": "arm", "force": [0.1, 0.2], "shape": [[0.1, 1], [0.2, 2]], "follower": True},
     },
     "law": {

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.body import Acting, Load
 from hfsim.mechanics.force import ForcePart
-from hfsim.mechanics.line_force import LineForce
+from hfsim.mechanics.line_force import LineLoad
 from hfsim.mechanics.system import System
 
 
@@ -23,11 +23,11 @@ def acting_on(
     multipliers : ndarray, shape (n_batch, n_rows)
         As `System.solved` returns them.
     """
-    along = [part for part in system.forces if isinstance(part, LineForce)]
-    others = [part for part in system.forces if not isinstance(part, LineForce)]
+    along = [part for part in system.forces if isinstance(part, LineLoad)]
+    others = [part for part in system.forces if not isinstance(part, LineLoad)]
     return Acting(
         tuple(loads_on(system, columns, t, x, u, multipliers, others)),
-        tuple((part, part.at_places(t, x)) for part in along if part.columns == columns),
+        tuple((part, part.at_places(t, x, u)) for part in along if part.columns == columns),
     )
 
 

@@ -28,7 +28,7 @@ from hfsim.mechanics.pose import Pose, Twist
 
 if TYPE_CHECKING:
     from hfsim.mechanics.carried import Carried
-    from hfsim.mechanics.line_force import LineForce
+    from hfsim.mechanics.line_force import LineLoad
 
 Place = tuple[float, ...]
 """A point in the undeformed body frame [m]."""
@@ -43,12 +43,12 @@ class Acting(NamedTuple):
     ----------
     points : tuple of Load
         Of joints, springs and loads on points.
-    lines : tuple of (LineForce, list of Array)
+    lines : tuple of (LineLoad, list of Array)
         With the forces at their places [N], (n_batch, n_dim).
     """
 
     points: tuple[Load, ...] = ()
-    lines: tuple[tuple[LineForce, list[Array]], ...] = ()
+    lines: tuple[tuple[LineLoad, list[Array]], ...] = ()
 
 
 def places(points: Mapping[str, Sequence[float]]) -> dict[str, Place]:

@@ -12,6 +12,7 @@ from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.shapes import gauss_legendre, shares_beyond
+from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import LinearMarker, Marker, joint_support
 from hfsim.mechanics.point_loads import Load
 
@@ -19,34 +20,27 @@ if TYPE_CHECKING:
     from hfsim.deck.laws import Law
 
 
-@frozen
-class LineForce(Load):
-    """Forces at places of one body, fixed in direction or turning with it; their work is power put in.
+class LineLoad(ForcePart):
+    """What acts all along a beam, by what it does at places there.
 
     Attributes
     ----------
-    forces : ndarray, shape (n_places, n_dim)
-        [N]
+    places : tuple of Marker
     cells : ndarray, shape (n_cells + 1,)
         Distances from the root [m] between which places are Gauss points, as many in each cell.
     """
 
     places: tuple[Marker, ...]
-    forces: Array
     cells: Array
-    follower: bool
-    law: Law | None
-    told: ClassVar[str] = "force along a beam"
+
+    def at_places(self, t: Array, x: Array, u: Array) -> list[Array]:
+        """Return its force at each place [N], (n_batch, n_dim)."""
+        raise NotImplementedError
 
     def on_points(self, t: Array, x: Array, u: Array) -> Iterator[tuple[Marker, Array]]:
         """Yield its places, with its force there on the coordinates of the body."""
-        for marker, force in zip(self.places, self.at_places(t, x), strict=True):
+        for marker, force in zip(self.places, self.at_places(t, x, u), strict=True):
             yield marker, (force[:, None] @ marker.position_jacobian(x))[:, 0]
-
-    def at_places(self, t: Array, x: Array) -> list[Array]:
-        """Return its force at each place [N], (n_batch, n_dim)."""
-        factor = np.ones((len(x), 1)) if self.law is None else self.law.value(t)[:, None]
-        return [factor * force for force in self._turned(x)]
 
     def beyond(self, places: Array) -> Array:
         """Return the share of each of its own places beyond distances from the root, (n, n_places)."""
@@ -62,6 +56,29 @@ class LineForce(Load):
     def columns(self) -> slice:
         """Coordinates of the body."""
         return self.places[0].columns
+
+
+@frozen
+class LineForce(LineLoad, Load):
+    """Forces at places of one body, fixed in direction or turning with it; their work is power put in.
+
+    Attributes
+    ----------
+    forces : ndarray, shape (n_places, n_dim)
+        [N]
+    """
+
+    places: tuple[Marker, ...]
+    forces: Array
+    cells: Array
+    follower: bool
+    law: Law | None
+    told: ClassVar[str] = "force along a beam"
+
+    def at_places(self, t: Array, x: Array, u: Array) -> list[Array]:
+        """Return its force at each place [N], (n_batch, n_dim)."""
+        factor = np.ones((len(x), 1)) if self.law is None else self.law.value(t)[:, None]
+        return [factor * force for force in self._turned(x)]
 
     @cached_property
     def _rows(self) -> Array | None:

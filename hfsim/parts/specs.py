@@ -229,9 +229,13 @@ class LoadSpec(Spec):
     """Kind of load."""
 
     if TYPE_CHECKING:
-        at: str
+        at: Any
         law: LawSpec | None
-        follower: bool
+
+    @property
+    def follows(self) -> bool:
+        """Whether it turns with what it acts on."""
+        return bool(getattr(self, "follower", False))
 
     carries: ClassVar[bool] = False
     """Whether it is a force, not a moment."""

@@ -80,7 +80,7 @@ def _unmeasured(
 def _following(load: LoadSpec) -> Complaint | None:
     """Return why a load cannot turn with a line, if it is to."""
     amount = tuple(load.amount)
-    if not load.follower or (load.carries and not any(amount[1:])):
+    if not load.follows or (load.carries and not any(amount[1:])):
         return None
     what = "a force" if load.carries else "a moment"
     hint = f"state it along the tangent, [F, 0, 0], or {SECTIONS}" if load.carries else SECTIONS

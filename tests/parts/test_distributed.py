@@ -184,7 +184,8 @@ def test_on_an_arc_it_follows_the_axes_of_the_sections(model, deck, roll):
     sets = [f"solve.model={model}", "loads.wind.follower=true", f"loads.wind.force={force}"]
     scene = scene_of(*sets, deck=deck.replace("length: 1.0", ARC + about))
     (part,) = (part for part in scene.system.forces if part.item == "loads.wind")
-    found = np.sum(part.at_places(np.zeros(1), scene.system.absolute(scene.q[None])), axis=0)[0]
+    x = scene.system.absolute(scene.q[None])
+    found = np.sum(part.at_places(np.zeros(1), x, 0.0 * x), axis=0)[0]
     along, across = [np.sin(1.2), 1.0 - np.cos(1.2)], [np.cos(1.2) - 1.0, np.sin(1.2)]
     expected = 2.0 * (0.3 * np.array(along) + 2.0 * np.array(across))
     assert found == pytest.approx([*expected, 0.0][: len(found)], abs=1e-9)

@@ -17,6 +17,7 @@ from hfsim.parts.forces.bushing import BushingSpec
 from hfsim.parts.forces.contact import ContactSpec
 from hfsim.parts.forces.coupling import CouplingSpec
 from hfsim.parts.forces.distributed import DistributedSpec
+from hfsim.parts.forces.drag import DragSpec
 from hfsim.parts.forces.force import ForceSpec
 from hfsim.parts.forces.moment import MomentSpec
 from hfsim.parts.forces.rotational import RotationalSpec
@@ -38,6 +39,7 @@ def marker(request):
 def test_every_force_is_covered():
     own = {"force": ForceSpec, "moment": MomentSpec, "rotational": RotationalSpec, "two_point": TwoPointSpec}
     own["distributed"] = DistributedSpec  # in test_distributed.py
+    own["drag"] = DragSpec  # in test_drag.py
     own["bushing"] = BushingSpec  # in test_bushings.py
     own["contact"] = ContactSpec  # in test_contacts.py
     own["coupling"] = CouplingSpec  # in test_couplings.py

@@ -12,13 +12,14 @@ if TYPE_CHECKING:
     from hfsim.parts.forces.contact import ContactSpec
     from hfsim.parts.forces.coupling import CouplingSpec
     from hfsim.parts.forces.distributed import DistributedSpec
+    from hfsim.parts.forces.drag import DragSpec
     from hfsim.parts.forces.force import ForceSpec
     from hfsim.parts.forces.moment import MomentSpec
     from hfsim.parts.forces.rotational import RotationalSpec
     from hfsim.parts.forces.two_point import TwoPointSpec
 
     AnySpring = RotationalSpec | TwoPointSpec | BushingSpec | ContactSpec | CouplingSpec
-    AnyLoad = ForceSpec | MomentSpec | DistributedSpec
+    AnyLoad = ForceSpec | MomentSpec | DistributedSpec | DragSpec
 
 SPRINGS = {
     "rotational": "hfsim.parts.forces.rotational.RotationalSpec",
@@ -31,6 +32,7 @@ LOADS = {
     "force": "hfsim.parts.forces.force.ForceSpec",
     "moment": "hfsim.parts.forces.moment.MomentSpec",
     "distributed": "hfsim.parts.forces.distributed.DistributedSpec",
+    "drag": "hfsim.parts.forces.drag.DragSpec",
 }
 
 if not TYPE_CHECKING:
