@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pytest
 from natively import native, runs_alike
+from scipy.integrate import solve_ivp
 from solved import parsed
 
 import hfsim
 from hfsim.errors import DeckError
-from hfsim.mechanics.rubbing import RubbingTie
+from hfsim.mechanics.contact import ContactTie
 from hfsim.scene.build import build
 
 RADIUS, MASS = 0.05, 0.4
@@ -65,6 +66,8 @@ def test_a_point_bounces_without_loss_and_goes_on_along_the_floor():
     np.testing.assert_allclose(found["ball.angular_velocity"], 5.0)
     assert found["ball.y"].min() > -0.01 and found["ball.y"][found.t > 0.5].max() > 0.19
     np.testing.assert_allclose(found["floor.distance"], found["ball.y"], atol=1e-12)
+    away = run(ball(2, start, [0, -9.81], duration=0.1))
+    np.testing.assert_allclose(away["floor.distance"], away["ball.y"] - RADIUS, atol=1e-12)
 
 
 def test_backspin_slides_until_it_rolls():
@@ -138,6 +141,13 @@ def test_what_rests_beside_a_turning_table_does_not_shorten_its_steps():
     np.testing.assert_allclose(found["ball.x"], 0.5, atol=1e-9)
 
 
+def test_what_rolls_evenly_in_space_takes_long_steps():
+    start = {"position": [0.0, 0.0, RADIUS - resting(MASS * 9.81)], "velocity": [0.5, 0.0, 0.0]}
+    found = run(ball(3, start | {"angular_velocity": [0.0, 0.5 / RADIUS, 0.0]}, [0, 0, -9.81], tolerance=1e-5))
+    assert found.statistics["steps"] < 100
+    np.testing.assert_allclose(found["ball.x"], 0.5 * found.t, atol=1e-5)
+
+
 def two_bodies(n_dim):
     """A ball that presses and rubs on a plate, both free and turning."""
     axes, inertias = n_dim - 1, (INERTIA, 0.01) if n_dim == 2 else (3 * [INERTIA], [0.01, 0.02, 0.03])
@@ -196,7 +206,7 @@ def test_they_are_recorded(n_dim, monkeypatch):
 def test_tangents_are_derivatives(n_dim, slip):
     scene = build(two_bodies(n_dim))
     system = scene.system
-    (part,) = (one for one in system.forces if isinstance(one, RubbingTie))
+    (part,) = (one for one in system.forces if isinstance(one, ContactTie))
     x, u = system.absolute(scene.q[None]), slip * system.absolute_velocity(scene.q[None], scene.v[None])
     t, n = np.zeros(1), x.shape[1]
 
@@ -266,3 +276,71 @@ def test_lines_in_space_touch_a_floor_but_do_not_rub_as_balls():
         build(parsed(deck.replace("damping: 1.0", "damping: 1.0\n    friction: {coefficient: 0.3}")))
     with pytest.raises(DeckError, match=r"springs.floor: 'rope.tip' has no section"):
         build(parsed(deck.replace("[ground, rope.tip]", "[rope.tip, ground]")))
+
+
+def rolling_disc(tilt, spin, times):
+    """Tilt of the axis of a thin disc that rolls without slip, and its spin, along axes that do not roll.
+
+    These are along the track, up the disc and along its axis.  There v = w x R e2, and the force at the place
+    where it touches turns it by -R e2 x F.
+    """
+    A, C = 0.25 * MASS * RADIUS**2, 0.5 * MASS * RADIUS**2
+    up, inertia, arm = np.array([0.0, RADIUS, 0.0]), np.diag([A, A, C]), np.array([0.0, -RADIUS, 0.0])
+
+    def rates(t, y):
+        theta, w = y[0], y[1:]
+        frame = np.array([w[0], w[1], w[1] / math.tan(theta)])
+        k = np.array([0.0, math.sin(theta), math.cos(theta)])
+        turning = np.cross(frame, np.cross(w, up))
+        weight = np.cross(arm, MASS * (turning + 9.81 * k)) - np.cross(frame, inertia @ w)
+        moved = np.array([np.cross(arm, MASS * np.cross(one, up)) for one in np.eye(3)]).T
+        return [w[0], *np.linalg.solve(inertia - moved, weight)]
+
+    return solve_ivp(rates, (0.0, times[-1]), [tilt, *spin], "DOP853", times, rtol=1e-10, atol=1e-12).y
+
+
+def wheel(tilt, spin, friction):
+    """The same disc with its axis tilted from the vertical about x, which is along its track."""
+    e2, e3 = np.array([0.0, math.cos(tilt), math.sin(tilt)]), np.array([0.0, -math.sin(tilt), math.cos(tilt)])
+    w, half = np.array([spin[0], *(spin[1] * e2 + spin[2] * e3)[1:]]), 0.25 * MASS * RADIUS**2
+    deck = {
+        "hfsim": 1,
+        "gravity": [0.0, 0.0, -9.81],
+        "bodies": {"ball": {"type": "rigid", "mass": MASS,
+                            "inertia": [half, half, 2.0 * half]}},
+        "springs": {"floor": TOUCH | {"axis": [0, 0, 1], "stiffness": 1.0e6, "transition": 1e-4,
+                                      "damping": 10.0 if friction else 0.0, "friction": friction}},
+        "initial": {"ball": {
+            "position": (RADIUS * e2).tolist(), "velocity": np.cross(w, RADIUS * e2).tolist(),
+            "angular_velocity": w.tolist(), "orientation": {"axis": [1, 0, 0], "angle": tilt},
+        }},
+        "solve": {"duration": 0.4, "tolerance": 1e-5},
+        "output": {"interval": 0.02, "channels": ["ball.x", "ball.z", "ball.angular_velocity_z", *MEASURED]},
+    }  # fmt: skip
+    return parsed(deck)
+
+
+@pytest.mark.parametrize(("tilt", "spin"), [(1.1, (0.0, 6.0, -9.0)), (0.5, (0.3, 9.0, 1.0))])
+def test_a_wheel_rolls_as_a_disc_without_slip(tilt, spin):
+    found = run(wheel(tilt, spin, {"coefficient": 2.0, "velocity": 1e-4}))
+    theta, _, around, rolling = rolling_disc(tilt, spin, found.t)
+    np.testing.assert_allclose(found["ball.z"], RADIUS * np.sin(theta), atol=2e-4)
+    about_z = around * np.sin(theta) + rolling * np.cos(theta)
+    np.testing.assert_allclose(found["ball.angular_velocity_z"], about_z, atol=0.02 * np.abs(about_z).max())
+    assert np.abs(found["floor.distance"]).max() < 1e-4
+
+
+def test_a_wheel_on_ice_falls_without_loss():
+    """Its centre goes straight down, z = R sin(tilt), with the energies of both motions."""
+    found = run(wheel(1.2, (0.0, 0.0, 0.0), None))
+    lies = int(np.argmax(found["ball.z"] < 0.2 * RADIUS))
+    assert lies > 3
+    np.testing.assert_allclose(found["energy.total"][:lies], found["energy.total"][0], rtol=1e-5)
+    np.testing.assert_allclose(found["ball.x"], 0.0, atol=1e-9)
+
+
+def test_wheels_have_a_size_and_are_in_space():
+    with pytest.raises(DeckError, match=r"springs.floor.radius: missing key"):
+        ball(3, {}, [0, 0, 0], {"axis": [0, 0, 1], "radius": 0.0})
+    with pytest.raises(DeckError, match=r"springs.floor.axis"):
+        ball(2, {}, [0, 0], {"axis": [0, 1]})

@@ -1,7 +1,9 @@
-"""Contact of a point, or a ball about it, with a plane of another body."""
+"""Contact of a point, a ball or a wheel with a plane of another body."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 from hfsim.deck.fields import (
@@ -14,12 +16,11 @@ from hfsim.deck.fields import (
     PositiveStiffness,
     PositiveVelocity,
 )
-from hfsim.deck.spec import Spec, entry_of
+from hfsim.deck.spec import Complaint, Spec, entry_of
 from hfsim.maths.arrays import Array
-from hfsim.mechanics.constraints import Shift
+from hfsim.mechanics.contact import ContactTie
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.resistances import Stop
-from hfsim.mechanics.ties import GapTie, tie_on
 from hfsim.parts.specs import SpringSpec
 
 
@@ -34,11 +35,12 @@ class RubbingSpec(Spec):
 
 
 class ContactSpec(SpringSpec):
-    """A stiff spring keeps B, or a ball about it, on one side of a plane through A, in the plane a line; they
-    may rub.
+    """A stiff spring keeps B, a ball about it or the rim of a wheel on one side of a plane through A, in the
+    plane of a line; they may rub.
     """
 
-    vectors = ("normal",)
+    vectors = ("normal", "axis")
+    spatial = ("axis",)
     carries = True
     measures = (("m", ""),)
     limits = ("force",)
@@ -54,7 +56,7 @@ class ContactSpec(SpringSpec):
     """Direction to that side in A's frame [-]; without it the last axis, [0, 1], in space [0, 0, 1]."""
 
     radius: NonNegativeLength = 0.0
-    """Radius of the ball about B [m]."""
+    """Radius of a ball about B, or of a wheel [m]."""
 
     stiffness: PositiveStiffness
     """Stiffness of the contact [N/m]."""
@@ -66,21 +68,32 @@ class ContactSpec(SpringSpec):
     transition: PositiveLength = 1e-3
     """Depth over which the stiffness sets in [m]."""
 
+    axis: Axis | None = None
+    """Of a wheel, in space, in B's frame [-]: its rim touches, a circle of the radius about B; that of a ball
+    without it."""
+
     friction: Annotated[Any, entry_of("hfsim.parts.forces.contact.RubbingSpec")] | None = None
     """Friction where they touch."""
 
+    def complaints(self) -> Iterator[Complaint]:
+        """Yield a wheel without a size."""
+        if self.axis is not None and not self.radius:
+            yield Complaint(("radius",), "missing key", "the radius of the wheel", True)
+
     @property
     def framed(self) -> tuple[str, ...]:
-        """The plane turns with A; a ball that rubs turns B."""
-        return self.between if self.radius and self.friction else self.between[:1]
+        """The plane turns with A; a wheel, and a ball that rubs, with B."""
+        turns = self.axis is not None or (self.radius and self.friction)
+        return self.between if turns else self.between[:1]
 
-    def build(self, first: Marker, second: Marker, start: Array) -> GapTie:
+    def build(self, first: Marker, second: Marker, start: Array) -> ContactTie:
         """Return the force between two markers."""
-        axis = self.normal or (0.0,) * (first.n_dim - 1) + (1.0,)
-        stop = Stop(self.radius, -1.0, self.stiffness, self.damping, self.transition)
-        tie = tie_on(Shift(axis), first, second, (stop,))
-        if self.friction is None:
-            return tie
-        from hfsim.mechanics.rubbing import RubbingTie
+        normal = _unit(self.normal or (0.0,) * (first.n_dim - 1) + (1.0,))
+        stop = Stop(0.0, -1.0, self.stiffness, self.damping, self.transition)
+        rubs = (self.friction.coefficient, self.friction.velocity) if self.friction else ()
+        axis = None if self.axis is None else _unit(self.axis)
+        return ContactTie(first, second, (stop,), normal, self.radius, axis, *rubs)
 
-        return RubbingTie.with_friction(tie, self.radius, self.friction.coefficient, self.friction.velocity)
+
+def _unit(a: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(x / math.hypot(*a) for x in a)

@@ -24,8 +24,8 @@ from hfsim.parts.specs import LoadSpec
 
 
 class DragSpec(LoadSpec):
-    """Drag of air or water, at rest or in flow: at a point 1/2 density * coefficient * area * speed^2; on a beam
-    the same per length, with its width, against its velocity across its axis.
+    """Drag of air or water, at rest or in flow: at a point 1/2 density * coefficient * area * speed^2; on a
+    beam the same per length, with its width, against its velocity across its axis.
     """
 
     vectors = ("flow",)

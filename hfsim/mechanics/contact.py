@@ -1,4 +1,4 @@
-"""Contact with friction: a ball about one point that presses on a plane of another body, and rubs there."""
+"""Contact of a point, a ball or the rim of a wheel of one body with a plane of another, with friction."""
 
 from __future__ import annotations
 
@@ -10,57 +10,70 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import Entries
+from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import dot, lever, turning
-from hfsim.mechanics.constraints import Along
 from hfsim.mechanics.force import difference
 from hfsim.mechanics.friction import SLIDING
 from hfsim.mechanics.markers import Marker
-from hfsim.mechanics.ties import GapTie
+from hfsim.mechanics.ties import Tie
 
 AT_REST = 1e-6
 """Speed, in velocities of friction, that is added to each at a right angle: at rest it has a direction."""
+FLAT = 1e-9
+"""The same of a wheel that lies on the plane, in its radii: where it touches is then anywhere."""
 
 
 @frozen
-class RubbingTie(GapTie):
-    """Resistances on a distance along a normal, with Coulomb friction of what they press with.
+class ContactTie(Tie):
+    """Resistances on how far what touches is above a plane, with Coulomb friction of what they press with.
 
     The friction is coefficient N tanh(v / velocity) against the slip, of speed v: that of the second body at
-    the place where a ball about its point touches the plane, against the first body there.
+    the place where it touches, or would, against the first body there.
 
     Attributes
     ----------
+    normal : tuple of float
+        Of the plane through the first point, a unit vector in the frame there.
     radius : float
-        Of the ball [m].
+        Of a ball about the second point, or of a wheel [m].
+    axis : tuple of float, or None
+        Of the wheel, a unit vector in the frame of the second point; None of a ball.
     coefficient, velocity : float
-        [-], [m/s]
+        Of friction [-], [m/s]; no coefficient where there is none.
     """
 
-    measure: Along
+    normal: tuple[float, ...]
     radius: float = 0.0
+    axis: tuple[float, ...] | None = None
     coefficient: float = 0.0
     velocity: float = 1e-3
-    told: ClassVar[str] = "contact with friction"
-    uses_rates: ClassVar[bool] = True
-    exchanges_power: ClassVar[bool] = True
+    told: ClassVar[str] = "what keeps a point, a ball or a wheel on one side of a plane"
+    unit: ClassVar[str] = "m"
     holds_together: ClassVar[bool] = False
 
-    @classmethod
-    def with_friction(cls, tie: GapTie, radius: float, coefficient: float, velocity: float) -> RubbingTie:
-        """Return a tie on a distance along an axis with friction."""
-        assert isinstance(tie.measure, Along)
-        own = tie.first, tie.second, tie.resistances, tie.measure, tie.counter
-        return cls(*own, radius, coefficient, velocity)
+    @cached_property
+    def uses_rates(self) -> bool:
+        """Whether it rubs, or is damped."""
+        return self.coefficient > 0.0 or any(one.uses_rates for one in self.resistances)
 
     @cached_property
-    def _axis(self) -> Array:
-        return np.array(self.measure.direction)
+    def exchanges_power(self) -> bool:
+        """Whether it does."""
+        return self.uses_rates
 
-    def _touching(self, x: Array) -> tuple[Array, list[tuple[float, Marker, Array]]]:
-        """Return the normal, (n_batch, n_dim), and of the moving ends sign, marker, Jacobian of the place."""
-        up = self.first.turned(x, self._axis)
-        down, found = -self.radius * up, list[tuple[float, Marker, Array]]()
+    def _directions(self, x: Array) -> tuple[Array, Array]:
+        """Return the normal, and the way from the second point to where it touches, (n_batch, n_dim)."""
+        up = self.first.turned(x, np.array(self.normal))
+        if self.axis is None:
+            return up, -self.radius * up
+        axis = self.second.turned(x, np.array(self.axis))
+        across = up - dot(up, axis) * axis
+        return up, -self.radius / np.sqrt(dot(across, across) + FLAT**2) * across
+
+    def _touching(self, x: Array) -> tuple[Array, Array, list[tuple[float, Marker, Array]]]:
+        """Return these, and of the moving ends sign, marker and the Jacobian of the place of contact."""
+        up, down = self._directions(x)
+        found = list[tuple[float, Marker, Array]]()
         for k, marker in self._ends:
             J = marker.position_jacobian(x)
             if not k:
@@ -69,11 +82,31 @@ class RubbingTie(GapTie):
             elif self.radius:
                 J = J + turning(down) @ marker.spin_jacobian(x)
             found.append((1.0 if k else -1.0, marker, J))
-        return up, found
+        return up, down, found
+
+    def measured(self, t: Array, x: Array) -> tuple[Array, list[Array]]:
+        """Return the height; what touches changes along the plane alone, so that it counts as fixed."""
+        up, down, ends = self._touching(x)
+        height = dot(up, self.second.position(x) + down - self.first.position(x))[:, 0]
+        return height, [sign * (up[:, None] @ J)[:, 0] for sign, _, J in ends]
+
+    def _curved(self, x: Array, force: Array, slope: Array) -> Entries:
+        """Return the force times the second derivative of the height, by differences."""
+
+        def pushed(moved: Array) -> Array:
+            out = np.zeros(moved.shape)
+            for (_, marker), row in zip(self._ends, self.measured(np.zeros(1), moved)[1], strict=True):
+                out[:, marker.columns] += force[:, None] * row
+            return out
+
+        return difference(pushed, x, self.support)
+
+    # ------------------------------------------------------------------ friction
 
     def slip(self, t: Array, x: Array, u: Array) -> Array:
         """Return the velocity of the second body against the first in the plane [m/s], (n_batch, n_dim)."""
-        return self._slipping(u, *self._touching(x))
+        up, _, ends = self._touching(x)
+        return self._slipping(u, up, ends)
 
     def _slipping(self, u: Array, up: Array, ends: list[tuple[float, Marker, Array]]) -> Array:
         own = [sign * (J @ u[:, end.columns, None])[..., 0] for sign, end, J in ends]
@@ -97,23 +130,32 @@ class RubbingTie(GapTie):
 
     def _rubbed(self, t: Array, x: Array, u: Array) -> Iterator[tuple[Marker, Array]]:
         """Yield the ends that can move, with the friction there."""
-        up, ends = self._touching(x)
+        up, _, ends = self._touching(x)
         force = self._against(t, x, u, self._slipping(u, up, ends))
         for sign, marker, J in ends:
             yield marker, sign * (force[:, None] @ J)[:, 0]
 
+    # ------------------------------------------------------------------ all of it
+
     def on_points(self, t: Array, x: Array, u: Array) -> Iterator[tuple[Marker, Array]]:
         """Yield the ends that can move, with all forces there."""
-        for (marker, force), (_, own) in zip(super().on_points(t, x, u), self._rubbed(t, x, u), strict=True):
+        pushes = super().on_points(t, x, u)
+        if not self.coefficient:
+            yield from pushes
+            return
+        for (marker, force), (_, own) in zip(pushes, self._rubbed(t, x, u), strict=True):
             yield marker, force + own
 
     def reaction(self, t: Array, x: Array, u: Array) -> tuple[Array, Array]:
         """Return the force [N], (n_batch, n_dim), and moment [N m], (n_batch, n_spin), on the second body."""
-        (force, moment), own = super().reaction(t, x, u), self.friction(t, x, u)
-        return force + own, moment + lever(-self.radius * self.first.turned(x, self._axis), own)
+        up, down = self._directions(x)
+        force = self.effort(t, x, u)[:, None] * up + self.friction(t, x, u)
+        return force, lever(down, force)
 
     def _by(self, moved: Callable[[Array], tuple[Array, Array]], t: Array, at: Array) -> Entries:
         """Return minus the derivative of the friction by x or u, of which a function makes both."""
+        if not self.coefficient:
+            return NOTHING
 
         def resistance(change: Array) -> Array:
             x, u = np.broadcast_arrays(*moved(change))
@@ -141,4 +183,5 @@ class RubbingTie(GapTie):
         return np.asarray(super().delivered(t, x, u) + self._rubbing_power(t, x, u))
 
     def _rubbing_power(self, t: Array, x: Array, u: Array) -> Array:
-        return np.asarray(dot(self.friction(t, x, u), self.slip(t, x, u))[:, 0])
+        v = self.slip(t, x, u)
+        return np.asarray(dot(self._against(t, x, u, v), v)[:, 0])
