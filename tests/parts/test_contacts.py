@@ -143,7 +143,8 @@ def test_what_rests_beside_a_turning_table_does_not_shorten_its_steps():
 
 def test_what_rolls_evenly_in_space_takes_long_steps():
     start = {"position": [0.0, 0.0, RADIUS - resting(MASS * 9.81)], "velocity": [0.5, 0.0, 0.0]}
-    found = run(ball(3, start | {"angular_velocity": [0.0, 0.5 / RADIUS, 0.0]}, [0, 0, -9.81], tolerance=1e-5))
+    start["angular_velocity"] = [0.0, 0.5 / RADIUS, 0.0]
+    found = run(ball(3, start, [0, 0, -9.81], tolerance=1e-5))
     assert found.statistics["steps"] < 100
     np.testing.assert_allclose(found["ball.x"], 0.5 * found.t, atol=1e-5)
 
