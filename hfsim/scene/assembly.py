@@ -23,7 +23,7 @@ WORTH_A_WARNING = 0.02
 """Part of what may be a guess from which a change is warned of; below, it is only noted."""
 UNITS = {
     **{"angle": "rad", "orientation": "rad", "position": "m"},
-    **{"angular_velocity": "rad/s", "velocity": "m/s"},
+    **{"angular_velocity": "rad/s", "velocity": "m/s", "distance_rate": "m/s"},
 }
 """What is stated under ``initial``, and its units; orientations are told as rotation vectors."""
 Turn: TypeAlias = "float | tuple[float, ...]"
@@ -31,7 +31,7 @@ Branches: TypeAlias = "Callable[[], list[dict[str, Turn]]]"
 
 
 class Change(NamedTuple):
-    """A stated value that the joints do not allow, and what they allow.
+    """A stated value that the joints, or a steady rotation, do not allow, and what they allow.
 
     Attributes
     ----------
@@ -41,6 +41,8 @@ class Change(NamedTuple):
         What the deck says, and what the run starts from.
     rough : float
         How far these are apart, relative to what may be a guess.
+    by : str
+        What allows no other.
     """
 
     body: str
@@ -48,6 +50,7 @@ class Change(NamedTuple):
     stated: tuple[float, ...]
     taken: tuple[float, ...]
     rough: float
+    by: str = "the joints allow"
 
     def __str__(self) -> str:
         unit = UNITS[self.quantity]
@@ -57,7 +60,7 @@ class Change(NamedTuple):
             off = float(np.linalg.norm(rotation_vector(taken @ stated.T)))
         return (
             f"initial.{self.body}.{self.quantity}: {listed(self.stated)} {unit} is taken as a guess: "
-            f"the joints allow {listed(self.taken)} {unit}, {off:.3g} {unit} off"
+            f"{self.by} {listed(self.taken)} {unit}, {off:.3g} {unit} off"
         )
 
 
@@ -131,7 +134,7 @@ class Assembly:
 
     def facts(self) -> dict[str, Any]:
         """Return what summaries say of it."""
-        changed = [{key: getattr(one, key) for key in Change._fields[:-1]} for one in self.changes]
+        changed = [{key: getattr(one, key) for key in Change._fields[:4]} for one in self.changes]
         return {"closed": self.closed, "changed": changed, "notes": self.notes()}
 
 

@@ -224,6 +224,85 @@ output: {channels: [b.x, b.y]}
     assert np.hypot(run["b.x"], run["b.y"]) == pytest.approx(1.0, abs=1e-7)
 
 
+PAIR = """hfsim: 1
+gravity: [0.0, 0.0]
+bodies:
+  a: {type: rigid, mass: 2.0, inertia: 0.1}
+  b: {type: rigid, mass: 1.0, inertia: 0.1}
+springs: {s: {type: two_point, between: [a, b], stiffness: 100.0, rest_length: 2.0}}
+joints: {r: {type: prismatic, between: [a, b], axis: [1, 0]}}
+initial:
+  steady: {body: a, rate: 3.0}
+  a: {position: [0.5, 0.0], velocity: [0.3, -2.4]}
+  r: {distance: 2.0}
+solve: {duration: 1.0, tolerance: 1.0e-10}
+output: {channels: [a.x, a.y, a.vx, a.vy, r.distance, momentum.linear_x, momentum.linear_y]}
+"""
+FREE = """hfsim: 1
+gravity: [0.0, 0.0, 0.0]
+bodies: {b: {type: rigid, mass: 2.0, inertia: [0.1, 0.2, 0.3]}}
+joints: {}
+initial: {steady: {body: b, rate: [0.0, 0.0, 3.0]}, b: {position: [1.0, 2.0, 3.0], velocity: [4.0, 5.0, 6.0]}}
+solve: {duration: 0.5}
+output: {channels: [b.x, b.y, b.z, b.angular_velocity_z]}
+"""
+
+
+def test_what_floats_starts_where_it_is_stated_and_moves_on_as_stated():
+    """It is stretched to d, 100 (d - 2) = 9 (2/3) d, and its centre of mass d / 3 beside a moves evenly."""
+    distance = 200.0 / 94.0
+    run = simulate(parse_deck(PAIR), error_estimate=False)
+    starts = [run[f"a.{name}"][0] for name in ("x", "y", "vx", "vy")]
+    assert starts == pytest.approx([0.5, 0.0, 0.3, -2.4], abs=1e-12)
+    assert run["r.distance"] == pytest.approx(distance, abs=1e-8)
+    assert run["momentum.linear_x"] == pytest.approx(3.0 * 0.3, abs=1e-8)
+    assert run["momentum.linear_y"] == pytest.approx(3.0 * (3.0 * distance / 3.0 - 2.4), abs=1e-8)
+    assert not build(parse_deck(PAIR)).warnings
+
+
+def test_a_free_body_in_space_moves_on_along_and_across_its_axis():
+    run = simulate(parse_deck(FREE), error_estimate=False)
+    ends = [run[f"b.{name}"][-1] for name in "xyz"]
+    assert ends == pytest.approx([3.0, 4.5, 6.0], abs=1e-7)
+    assert run["b.angular_velocity_z"] == pytest.approx(3.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("stated", ["b: {velocity: [0, 0, 0.7]}", "j: {distance_rate: 0.7}"])
+def test_what_slides_along_its_axis_screws_on(stated):
+    text = FREE.replace("{}", "{j: {type: cylindrical, between: [ground, b], axis: [0, 0, 1]}}")
+    text = text.replace("b: {position: [1.0, 2.0, 3.0], velocity: [4.0, 5.0, 6.0]}", stated)
+    run = simulate(parse_deck(text), error_estimate=False)
+    assert run["b.z"][-1] - run["b.z"][0] == pytest.approx(0.35, abs=1e-9)
+    spring = "springs: {k: {type: two_point, between: [ground, b], stiffness: 5}}"
+    held = text.replace("initial:", f"{spring}\ninitial:")
+    with pytest.raises(NoStartError, match=r"contradicts the steady rotation by 0\.7 m/s"):
+        build(parse_deck(held))
+
+
+@pytest.mark.parametrize(
+    ("body", "entry"),
+    [
+        ("b", "{angular_velocity: 3.0}"),
+        ("mount", "{angular_velocity: 0.1}"),
+        ("b", "{angular_velocity: 5.9, exact: true}"),
+    ],
+)
+def test_stated_rates_that_a_steady_rotation_does_not_have_are_refused(body, entry):
+    hinged = SPIN.replace("mount: {type: fixed", "mount: {type: revolute")
+    with pytest.raises(NoStartError, match="contradicts the steady rotation") as told:
+        build(parse_deck(hinged, overrides=[f"initial.{body}={entry}"]))
+    assert [one.path for one in told.value.problems] == [f"initial.{body}.angular_velocity"]
+
+
+def test_a_stated_rate_near_that_of_a_steady_rotation_is_a_guess():
+    hinged = SPIN.replace("mount: {type: fixed", "mount: {type: revolute")
+    scene = build(parse_deck(hinged, overrides=["initial.b={angular_velocity: 6.2}"]))
+    assert any("6.2 rad/s is taken as a guess: the steady rotation" in one for one in scene.warnings)
+    assert scene.assembly.facts()["changed"] == [
+        {"body": "b", "quantity": "angular_velocity", "stated": (6.2,), "taken": (pytest.approx(6.0),)}
+    ]
+
+
 def test_a_blade_in_space_turns_steadily_about_its_hub_s_axis():
     text = SPIN.replace("[0.0, 0.0]", "[0.0, 0.0, 0.0]").replace("inertia: 1.0", "inertia: [1.0, 1.0, 1.0]")
     text = text.replace("strain: green, curvature: exact", "element: cosserat")
