@@ -724,6 +724,29 @@ def test_what_flutters_under_a_follower_load_is_not_stable():
     assert hfsim.static(parse_deck(BECK), {"loads.f.force.0": -198.0}).statistics["stable"]
 
 
+ZIEGLER = """hfsim: 1
+gravity: [0, 0]
+bodies:
+  one: {type: rigid, mass: 2.0, inertia: 1.0e-9, points: {in: [-1, 0]}}
+  two: {type: rigid, mass: 1.0, inertia: 1.0e-9, points: {in: [-1, 0]}}
+joints:
+  a: {type: revolute, between: [ground, one.in]}
+  b: {type: revolute, between: [one, two.in]}
+springs:
+  ka: {type: rotational, between: [ground, one], stiffness: 1.0}
+  kb: {type: rotational, between: [one, two], stiffness: 1.0}
+loads: {push: {type: force, at: two, force: [-2.0, 0], follower: true}}
+solve: {duration: 1.0}
+"""
+
+
+def test_what_a_follower_load_does_no_work_along_is_resisted_still():
+    """Ziegler's column at P L / k = 2: (1, 0) K (1, 0) = 0, but det K = 1 and the squares are 1/2 and 1."""
+    run = hfsim.static(parse_deck(ZIEGLER))
+    assert run.statistics["stable"] and run.statistics["held_by_nothing"] == []
+    assert run.statistics["smallest_eigenvalue"] == pytest.approx(0.5, rel=1e-6)
+
+
 def test_of_a_joint_only_the_motions_that_nothing_resists_are_told():
     """A load that hangs from a ball joint: weight resists two turns, not that about the vertical."""
     run = hfsim.static(

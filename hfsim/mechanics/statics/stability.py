@@ -108,9 +108,10 @@ def neutral(problem: Problem, state: State, load: float, rigid: Array) -> Array:
         return motions
     K = problem.tangent(state, load).stiffness
     own, size = motions @ (K @ motions.T), np.abs(motions) @ (abs(K) @ np.abs(motions.T))
-    values, mixed = np.linalg.eigh(0.5 * (own + own.T))
-    free = np.abs(values) <= NONE * np.diag(mixed.T @ size @ mixed).clip(min=size.diagonal().max())
-    return np.asarray(mixed[:, free].T @ motions)
+    # of loads that turn with bodies it is not symmetric, and only what no force at all answers is free
+    _, values, mixed = np.linalg.svd(own)
+    free = values <= NONE * np.diag(mixed @ size @ mixed.T).clip(min=size.diagonal().max())
+    return np.asarray(mixed[free] @ motions)
 
 
 def lowest(problem: Problem, state: State, load: float) -> tuple[Array, Array]:
