@@ -747,6 +747,38 @@ def test_what_a_follower_load_does_no_work_along_is_resisted_still():
     assert run.statistics["smallest_eigenvalue"] == pytest.approx(0.5, rel=1e-6)
 
 
+LINE_IN_WIND = """hfsim: 1
+gravity: [0, -9.81, 0]
+materials: {c: {density: 2700, youngs_modulus: 70 GPa}}
+sections: {c: {area: 3.0e-4, second_moments: [1e-10, 1e-10], torsion_constant: 2e-10}}
+ground: {points: {b: [200, 10, 0]}}
+bodies:
+  line:
+    {type: beam, material: c, section: c, elements: 16,
+     axis: {arc: {radius: 450, angle: "${2 * asin(hypot(200, 10) / 900)}"}}}
+joints:
+  a: {type: spherical, between: [ground, line.root]}
+  b: {type: spherical, between: [ground.b, line.tip]}
+loads: {w: {type: distributed, on: line, force: [0, 0, 6]}}
+solve: {duration: 1}
+output: {channels: [a.force_x, a.force_y, a.force_z], plots: false}
+"""
+
+
+def test_a_thin_line_in_a_side_wind_rolls_to_where_it_rests():
+    """An elastic catenary under 7.9461 N/m of weight and 6 N/m sideways; EI = 7 N m^2 turns it by 37 deg."""
+    run = hfsim.static(parse_deck(LINE_IN_WIND))
+    forces = [run.final[f"a.force_{axis}"] for axis in "xyz"]
+    assert forces == pytest.approx([-4371.2788, 581.3563, -604.0097], rel=1e-6)
+    assert run.statistics["stable"] and run.statistics["held_by_nothing"] == []
+
+
+def test_a_search_that_ends_on_its_way_names_nothing_that_holds_nothing(monkeypatch):
+    monkeypatch.setattr("hfsim.mechanics.statics.relaxation.MOST", 20)
+    run = hfsim.static(parse_deck(LINE_IN_WIND), check=False)
+    assert run.reason == "no place of rest is found: it does not come to rest"
+
+
 def test_of_a_joint_only_the_motions_that_nothing_resists_are_told():
     """A load that hangs from a ball joint: weight resists two turns, not that about the vertical."""
     run = hfsim.static(

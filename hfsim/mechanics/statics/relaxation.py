@@ -4,6 +4,10 @@ What is solved is W z' = f - Phi_z^T lambda with Phi = 0, W the metric of the ga
 grow as the forces fade: with long ones they are Newton's iteration (pseudo-transient continuation; Kelley and
 Keyes, SIAM Journal on Numerical Analysis 35, 1998).  A step that would lead uphill is taken shorter: then
 only stable places of rest are come to, but for a start that is exactly between.
+
+One correction a step leaves forces in what is stiff, of the curvature of the way.  Where something is so soft
+beside it that these are more than what moves it, as the roll of a thin line, the longest step leads nowhere:
+then steps get longer still, and each is solved for its end.
 """
 
 from __future__ import annotations
@@ -12,13 +16,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, random_signs
 from hfsim.maths.matrices import Matrix
 from hfsim.mechanics.statics.newton import (
     ENOUGH,
+    EPSILON,
     HOLD,
+    NEXT_TO,
     ROUGH,
     SHRINKING,
+    STUCK,
     Effort,
     NotFoundError,
     balanced,
@@ -39,12 +46,20 @@ NOTHING = 1e-14
 """Push that joints leave, over that which there is without them, that is rounding ..."""
 CLOSED = 1e-12
 """... where they miss no more than this [m or rad]."""
+CLEARLY = 100.0
+"""Way in a longest step, over that by rounding, from which something soft is on its way still."""
+WITHIN = 12
+"""Corrections in a step that is solved for its end."""
+GROWING = 3.0
+"""How much longer the next one is."""
 STILL = 10
 """Longest steps within that, after which corrections that get no smaller are rounding."""
 SHORT = 1e-25
 """Of the shortest step, over the longest."""
 ENDLESS = "it does not come to rest"
 """What is said after so many steps."""
+ON_AND_ON = "it goes on and on"
+"""What is said after too long a way."""
 ASTRAY = 60.0
 """Way after which nothing will hold it any more [rad]."""
 
@@ -65,7 +80,7 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
         state = state._replace(multipliers=multipliers)
         problem.note(load, state)
         return state
-    before, stiffest = np.inf, 0.0
+    before, stiffest, short = np.inf, 0.0, True
     force, gap, K, J = _equations(problem, state, level)
     for _ in range(MOST):
         effort.iterations += 1
@@ -92,18 +107,86 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
             held = _held(problem, state, level, effort)
             if held is not None or before < ROUGH:
                 return held or problem.at(state)
+        if short and step >= longest and before > size > max(SAME, STUCK * before):
+            short = size <= CLEARLY * _by_rounding(problem, state, level, Tangent(K + metric / step, J))
+            if not short:
+                state, rests = _crept(problem, state, level, step, effort)
+                if rests:
+                    return state
         stayed += 1
         if step < longest or problem.moved(state.z - place) > SAME:
             place, first, stayed = state.z, size, 0
         if stayed >= STILL and size > 0.25 * first:
             return problem.at(state)
         if way > ASTRAY:
-            raise NotFoundError("it goes on and on", state, dz)
+            raise NotFoundError(ON_AND_ON, state, dz)
         growth = 2.0 if size > 0.3 * before else min(100.0, 2.0 * before / size)
         step = min(longest, step * min(growth, NEARLY * MOVE / max(ahead, ENOUGH)))
         before = size
         force, gap, K, J = _equations(problem, state, level)
-    raise NotFoundError(ENDLESS, state, dz if before > SAME else None)
+    raise NotFoundError(ENDLESS, state)
+
+
+def _by_rounding(problem: Problem, state: State, level: Level, tangent: Tangent) -> float:
+    """Return how far rounding of forces moves a state in a step with these derivatives."""
+    beside = state._replace(z=state.z * (1.0 + EPSILON * random_signs(state.z.shape)))
+    (force, gap), (other, _) = (problem.missing(one, level) for one in (state, beside))
+    return problem.moved(tangent.solved(other - force, 0.0 * gap)[0])
+
+
+def _crept(
+    problem: Problem, state: State, level: Level, step: float, effort: Effort
+) -> tuple[State, bool]:
+    """Return where ever longer steps lead to, each solved for its end, and whether it is a place of rest."""
+    way, first = 0.0, step
+    for _ in range(MOST):
+        try:
+            ahead = _ended(problem, state, level, step, effort)
+        except (NotFoundError, np.linalg.LinAlgError):
+            step *= 0.25
+            if step < first:
+                break
+            continue
+        dz = ahead.z - state.z
+        size = problem.moved(dz)
+        problem.note(level.load, ahead)
+        effort.steps += 1
+        state, way = ahead, way + size
+        if way > ASTRAY:
+            raise NotFoundError(ON_AND_ON, state, dz)
+        if size < NEXT_TO and (found := _next_to(problem, state, level, effort)) is not None:
+            return found, True
+        if size < SAME:
+            break
+        step *= min(GROWING, NEARLY * MOVE / size)
+    return state, False
+
+
+def _ended(problem: Problem, begin: State, level: Level, step: float, effort: Effort) -> State:
+    """Return the state at the end of a step, no longer than they may be."""
+    slowing, state, before = problem.metric / step, begin, 0.5 * MOVE
+    for _ in range(WITHIN):
+        effort.iterations += 1
+        force, gap, K, J = _equations(problem, state, level)
+        force = force - np.asarray((state.z - begin.z) @ slowing)
+        dz, change = Tangent(K + slowing, J).solved(force, -gap)
+        size = problem.moved(dz)
+        if not size < 2.0 * before or (state is begin and float((force * dz).sum()) < 0.0):
+            break
+        state = State(state.z + dz, state.multipliers + change, problem.expecting(state, dz))
+        if size < SAME:
+            return state
+        before = size
+    raise NotFoundError("the iteration does not converge", state)
+
+
+def _next_to(problem: Problem, state: State, level: Level, effort: Effort) -> State | None:
+    """Return the place of rest next to a state; None without."""
+    try:
+        found = balanced(problem, state, level, effort)
+    except NotFoundError:
+        return None
+    return found if problem.moved(found.z - state.z) < MOVE else None
 
 
 def _held(problem: Problem, state: State, level: Level, effort: Effort) -> State | None:
@@ -111,11 +194,8 @@ def _held(problem: Problem, state: State, level: Level, effort: Effort) -> State
 
     Rounding moves that the further the longer steps are.
     """
-    try:
-        found = balanced(replace(problem, hold=HOLD), state, level, effort)
-    except NotFoundError:
-        return None
-    return found if problem.moved(found.z - state.z) < SAME else None
+    found = _next_to(replace(problem, hold=HOLD), state, level, effort)
+    return found if found is not None and problem.moved(found.z - state.z) < SAME else None
 
 
 def _answer(problem: Problem, tangent: Tangent, force: Array, gap: Array) -> tuple[Array, Array, float, bool]:
