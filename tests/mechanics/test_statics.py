@@ -779,20 +779,37 @@ def test_a_search_that_ends_on_its_way_names_nothing_that_holds_nothing(monkeypa
     assert run.reason == "no place of rest is found: it does not come to rest"
 
 
-def test_of_a_joint_only_the_motions_that_nothing_resists_are_told():
-    """A load that hangs from a ball joint: weight resists two turns, not that about the vertical."""
-    run = hfsim.static(
-        parse_deck(
-            """
-hfsim: 1
+HANGING = """hfsim: 1
 gravity: [0.0, 0.0, -9.81]
 bodies: {load: {type: rigid, mass: 2.0, inertia: [0.1, 0.1, 0.1], points: {hook: [0.0, 0.0, 0.5]}}}
 joints: {eye: {type: spherical, between: [ground, load.hook]}}
 solve: {duration: 1.0}
 """
-        )
-    )
+
+
+def test_of_a_joint_only_the_motions_that_nothing_resists_are_told():
+    """A load that hangs from a ball joint: weight resists two turns, not that about the vertical."""
+    run = hfsim.static(parse_deck(HANGING))
     assert run.statistics["held_by_nothing"] == ["load: turns about eye, 3 axes (1 of these)"]
+
+
+@pytest.mark.parametrize("moment", [0.0, 1.0])
+def test_only_what_the_loads_push_is_told_as_held_by_nothing(moment, monkeypatch):
+    """A wheel beside a pendulum whose search ends on its way."""
+    text = f"""hfsim: 1
+gravity: [0.0, -9.81]
+bodies:
+  wheel: {{type: rigid, mass: 2.0, inertia: 0.1}}
+  bob: {{type: rigid, mass: 2.0, inertia: 0.1, points: {{hook: [-0.5, 0.0]}}}}
+joints:
+  axle: {{type: revolute, between: [ground, wheel]}}
+  eye: {{type: revolute, between: [ground, bob.hook]}}
+loads: {{push: {{type: moment, at: wheel, moment: {moment}}}}}
+solve: {{duration: 1.0}}
+"""
+    monkeypatch.setattr("hfsim.mechanics.statics.relaxation.MOST", 3)
+    told = "nothing holds what the loads push: wheel" if moment else "no place of rest is found"
+    assert hfsim.static(parse_deck(text), check=False).reason.startswith(told)
 
 
 SPATIAL_FOUR_BAR = """

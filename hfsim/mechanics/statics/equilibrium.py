@@ -19,6 +19,8 @@ KICK = 0.02
 """Size of a push out of a place of rest that is not stable [rad]."""
 KICKS = 8
 """Of them, at most."""
+PUSHED = 1e-9
+"""Work on a motion, over that which all forces would do along it, up to which they do not push it."""
 STAYED = 0.05
 """Way from the start up to which a place of rest is where the scene was put [rad]."""
 
@@ -38,7 +40,8 @@ class Equilibrium:
     values, motions : ndarray, shape (k,) and (k, n)
         Smallest stiffnesses over masses [1/s^2], and motions, that joints allow and something resists.
     neutral : ndarray, shape (k, n)
-        Motions that nothing resists; without a place of rest those that it goes on in.
+        Motions that nothing resists; without a place of rest those of them that are pushed, or that it goes
+        on in.
     relaxed : bool
         Whether it was found by relaxation.
     limit : float or None
@@ -136,6 +139,14 @@ class Search:
     def _neutral(self, state: State, load: float) -> Array:
         return neutral(self.problem, state, load, self.rigid(self.problem.expand(state.z)))
 
+    def _pushed(self, state: State) -> Array:
+        """Return the motions that nothing resists, if the loads push any of them; else none."""
+        free, unit = self._neutral(state, 1.0), self.problem.gauge.unit
+        force = self.problem.missing(state, Level(1.0))[0][0]
+        every = np.linalg.norm(unit * self.problem.force(self.problem.expand(state.z), 1.0))
+        ways = np.linalg.norm(self.problem.system.reduction.expand_rates(free) / unit, axis=1)
+        return free if (np.abs(free @ force) > PUSHED * every * ways).any() else free[:0]
+
     def _downhill(self, begin: State, limit: float | None) -> Equilibrium:
         """Return the place of rest that relaxation leads to."""
         state = begin
@@ -146,7 +157,7 @@ class Search:
                 share = 0.0 if limit is None else limit
                 held = nothing = np.zeros((0, state.z.shape[1]))
                 if self.problem.turning is None:  # else nothing resists the turn itself, which is no reason
-                    held = self._neutral(error.state, 1.0)
+                    held = self._pushed(error.state)
                 held = held if len(held) or error.motion is None else error.motion
                 args = (begin, share, np.zeros(0), nothing, held, True, limit, self.effort)
                 return Equilibrium(*args, reason=str(error), lost=error.state)
