@@ -30,7 +30,7 @@ class Facings:
 
     def __init__(self, deck: Deck) -> None:
         self._deck = deck
-        self._start, self._loose = dict[str, Pose](), list[JointSpec]()
+        self._start, self._loose, self._by_own = dict[str, Pose](), list[JointSpec](), False
 
     @cached_property
     def _joints(self) -> dict[str, JointSpec]:
@@ -60,6 +60,28 @@ class Facings:
         loose._loose = [*self._loose, *moved]
         return loose
 
+    def by_own(self) -> Facings:
+        """Return them with axes in B of hinges as they state them, where only guesses say how bodies face.
+
+        Orientations that hinges hand on at angle zero are such, which a loop need not have.  They return
+        themselves if that makes no difference.
+        """
+        found = copy(self)
+        found._by_own = True
+        hinges = (joint for joint in self._joints.values() if self._deck.dimension == 3 and joint.turns)
+        moved = (np.linalg.norm((found.of(j)[0] - self.of(j)[0]).T @ axis_of(j)) > ROUNDING for j in hinges)
+        return found if any(moved) else self
+
+    @cached_property
+    def _firm(self) -> Collection[str]:
+        """Bodies whose turns are stated, or follow by what joints hold and by angles that are stated."""
+        return self._spread({"ground": LEVEL, **self._stated}, (), by_holding, self._by_driver).keys()
+
+    @cached_property
+    def _stated(self) -> dict[str, Array]:
+        stated = {name: entry.turn(3) for name, entry in self._deck.motions.items()}
+        return {name: R for name, R in stated.items() if R is not None}
+
     @cached_property
     def known(self) -> dict[str, Array]:
         """Orientations (3, 3) of the ground and of bodies, stated or handed on by joints.
@@ -69,9 +91,7 @@ class Facings:
         ground.  Last by other universal joints: handed on through these before, the axis of a hinge would not
         be where it is stated.  Of bodies that are joined to none of these, the first one stands level.
         """
-        deck = self._deck
-        stated = {name: entry.turn(3) for name, entry in deck.motions.items()}
-        known = {"ground": LEVEL} | {name: R for name, R in stated.items() if R is not None}
+        known = {"ground": LEVEL, **self._stated}
         steps = (by_holding, self._by_driver, self._by_statement, self._by_hinge, _by_orientation)
         return self._spread(known, ("ground", *self._floating(known)), *steps)
 
@@ -153,7 +173,7 @@ class Facings:
         """
         if self._deck.dimension == 2:
             return ()
-        if _among(joint, self._loose):
+        if _among(joint, self._loose) or (self._by_own and self._guessed(joint)):
             return (_held(joint),)
         a, b = (split_point(end)[0] for end in joint.between)
         stated = _held(joint)
@@ -165,6 +185,11 @@ class Facings:
         A, B = (rotation(self._start[body].turn) if body in self._start else LEVEL for body in (a, b))
         moved = np.linalg.norm((A.T @ B - stated).T @ axis_of(joint)) > ROUNDING
         return (A.T @ B if moved else stated,)
+
+    def _guessed(self, joint: JointSpec) -> bool:
+        """Tell whether it is a hinge of which no stated angle and nothing firm says how its bodies face."""
+        pair = _bodies(joint)
+        return joint.follows_start and joint.turns and pair not in self._led and not pair <= self._firm
 
 
 def _bodies(joint: JointSpec) -> frozenset[str]:

@@ -7,9 +7,10 @@ from functools import partial
 
 import numpy as np
 
+from hfsim.errors import DeckError
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.constraints import Constraint, constraints_of
-from hfsim.scene.assembly import Assembly
+from hfsim.scene.assembly import Assembly, Placed
 from hfsim.scene.closing import Frame, Linkage, Sense
 from hfsim.scene.facing import Facings
 from hfsim.scene.loading import LoadedDeck
@@ -58,20 +59,35 @@ def linkage_of(
 def start_of(loaded: LoadedDeck, bodies: Mapping[str, Body]) -> tuple[Assembly, Facings]:
     """Return where bodies are at the start, and how they face each other there.
 
-    Axes of drivers are first where the deck states that bodies are.  Where the joints move them from there,
-    the start is looked for again with angles that go by where the bodies are alone.
+    Axes in B of hinges are where joints hand orientations on, at guessed angles too; where that does not
+    close, as they state them.  Axes of drivers are first where the deck states that bodies are.  Where the
+    joints move them from there, the start is looked for again with angles that go by where the bodies are
+    alone.
     """
-    facings = loose = Facings(loaded.deck)
-    start, linkage = _start(loaded, bodies, facings)
-    at = placed(posing(start, loaded.deck, linkage, rates=False))
+    facings = Facings(loaded.deck)
+    try:
+        at, start, linkage = _placed(loaded, bodies, facings)
+    except DeckError:
+        if (own := facings.by_own()) is facings:
+            raise
+        facings = own
+        at, start, linkage = _placed(loaded, bodies, facings)
+    loose = facings
     while (more := loose.loosened(at.poses)) is not loose:
         loose = more
-        start, linkage = _start(loaded, bodies, loose)
-        at = placed(posing(start, loaded.deck, linkage, rates=False))
+        at, start, linkage = _placed(loaded, bodies, loose)
     found = facings.at(at.poses)
     if loose is not facings:
         start, linkage = _start(loaded, bodies, found)
     return assembled(start, posing(start, loaded.deck, linkage, rates=True), at), found
+
+
+def _placed(
+    loaded: LoadedDeck, bodies: Mapping[str, Body], facings: Facings
+) -> tuple[Placed, Start, Callable[[Deck], Linkage]]:
+    """Return where bodies are, and what that is found from."""
+    start, linkage = _start(loaded, bodies, facings)
+    return placed(posing(start, loaded.deck, linkage, rates=False)), start, linkage
 
 
 def _start(

@@ -311,3 +311,34 @@ def test_a_hinge_between_others_of_which_nothing_is_stated_starts_as_its_orienta
     assert oriented in text
     found = starting(text, "initial={elbow: {angle: 2}, rod: {angle: 1}}")
     assert found[:4] == pytest.approx([0.0, 0.0, 2.0, 1.0], abs=1e-9)
+
+
+SARRUS = """hfsim: 1
+gravity: [0, 0, -9.81]
+bodies:
+  "a{k=1..2}": {type: rigid, mass: 1, inertia: [0.01, 0.02, 0.02], points: {i: [-0.2, 0, 0], o: [0.2, 0, 0]}}
+  "b{k=1..2}": {type: rigid, mass: 1, inertia: [0.01, 0.02, 0.02], points: {i: [-0.2, 0, 0], o: [0.2, 0, 0]}}
+  top: {type: rigid, mass: 3, inertia: [0.1, 0.1, 0.1], points: {a: [0.3, 0, 0], b: [0, 0.3, 0]}}
+ground: {points: {a: [0.3, 0, 0], b: [0, 0.3, 0]}}
+joints:
+  A1: {type: revolute, between: [ground.a, a1.i], axis: [0, 1, 0]}
+  A2: {type: revolute, between: [a1.o, a2.i], axis: [0, 1, 0]}
+  A3: {type: revolute, between: [a2.o, top.a], axis: [0, 1, 0]}
+  B1: {type: revolute, between: [ground.b, b1.i], axis: [1, 0, 0], orientation: {axis: [0, 0, 1], angle: 90 deg}}
+  B2: {type: revolute, between: [b1.o, b2.i], axis: [0, -1, 0]}
+  B3: {type: revolute, between: [b2.o, top.b], axis: [0, -1, 0], orientation: {axis: [0, 0, 1], angle: -90 deg}}
+solve: {duration: 1.0e-3}
+output: {interval: 1.0e-3, channels: [top.x, top.y, top.z, top.rotation_x, top.rotation_y, top.rotation_z, A3.angle, B3.angle]}
+"""
+STANDING = "joints.A3.orientation={axis: [0, 1, 0], angle: 0}"
+
+
+@pytest.mark.parametrize("more", [(), (STANDING,)])
+@pytest.mark.parametrize("fold", [10.0, 60.0, 80.0])
+def test_a_loop_in_space_closes_with_its_hinges_as_they_state_their_axes(fold, more):
+    """The plate was taken to stand as B3 has it at angle zero, with the axis of A3 there, and did not close."""
+    angles = {"A1": -fold, "A2": 2.0 * fold - 180.0, "B1": fold, "B2": 180.0 - 2.0 * fold}
+    stated = [f"initial.{name}.angle={angle} deg" for name, angle in angles.items()]
+    third = np.pi - np.radians(fold)
+    height = 0.8 * np.sin(np.radians(fold))
+    assert starting(SARRUS, *stated, *more) == pytest.approx([0.0, 0.0, height, 0.0, 0.0, 0.0, third, -third], abs=1e-9)
