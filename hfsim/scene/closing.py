@@ -282,14 +282,24 @@ class Linkage:
                 yield item, (a, b), own @ other.T, first @ second.T
 
     def cut(self, x: Array, free: BoolArray) -> tuple[Constraint, float]:
-        """Return the joint that stays open where all others close, from places (n_batch, n) on; its gap."""
-        x = self.descend(x, free)
+        """Return the joint that stays open where all others close, from places (n_batch, n) on; its gap.
+
+        Places with axes turned over count if all joints close there: others may come near to that, as angles
+        about such axes have no value.
+        """
+        x = self._meant(self.descend(x, free))
         opened, _ = self.worst(self.nearest(x))
         own = self.equations.rows[self.constraints.index(opened)]
         weights = np.ones(self.equations.n_rows)
         for weights[own] in CUT:
-            x = self.descend(x, free, weights)
+            x = self._meant(self.descend(x, free, weights))
         return self.worst(self.nearest(x, np.where(weights < 1.0, 1.0, 1.0 / CUT[-1])))
+
+    def _meant(self, x: Array) -> Array:
+        """Return of places (n_batch, n) those with axes the right way round, or no gaps; all, for none."""
+        closed = np.abs(self.gaps(x)).max(axis=1, initial=0.0) < CLOSED
+        kept = closed | np.array([self.right_way_round(one) for one in x])
+        return x[kept] if kept.any() else x
 
     def moves(self, x: Array, free: BoolArray) -> bool:
         """Return whether the joints leave the free coordinates a motion at places (n,)."""

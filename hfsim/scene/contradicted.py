@@ -62,17 +62,17 @@ def misfaced(start: Start, item: str, off: float, faced: Array) -> DeckError:
 
 def cannot_close(start: Start, place: Stated, joint: Constraint, size: float, gaps: Array) -> DeckError:
     """Return the refusal of joints that close at no angles, of which gaps (n_rows,) are the least."""
+    left = f"where the others close, {size:.6g} {joint.unit} are left"
     held = {start.names[k // freedoms(start.n_dim)] for k in np.flatnonzero(place.exact)}
     if held:
-        message = f"cannot be closed with what is exact: at least {size:.6g} {joint.unit} are left"
+        message = f"cannot be closed with what is exact: {left}"
         hint = f"leave out 'exact' of {', '.join(sorted(held))}, or correct what is stated there"
     else:
-        left = f"at least {size:.6g} {joint.unit} are left, whatever the angles"
-        left = left if size >= CLOSED else "only with axes turned over that it is to hold the same way"
-        message = f"cannot be closed: {left}"
+        told = f"{left}, whatever the angles"
+        told = told if size >= CLOSED else "only with axes turned over that it is to hold the same way"
+        message = f"cannot be closed: {told}"
         hint = "make a link longer, move a point, or let a driver start elsewhere"
         if posed := start.posed(gaps):
-            left = f"at least {size:.6g} {joint.unit} are left"
             message = f"cannot be closed with what is stated of joints: {left}"
             return start.refuse(joint.item, message, f"correct or leave out {posed}")
         if (slack := _slack(start, joint)) is not None:

@@ -171,7 +171,7 @@ def test_what_is_far_off_is_refused_with_the_nearest_that_holds():
 )
 def test_a_loop_that_cannot_close_is_refused_with_the_smallest_gap(start, lengths, gap):
     problem = refused(four_bar(start, lengths))
-    assert problem.path == "joints.foot" and f"at least {gap:.6g} m are left" in problem.message
+    assert problem.path == "joints.foot" and f"where the others close, {gap:.6g} m are left" in problem.message
     assert "initial" not in problem.message + problem.hint, "there is nothing to change there"
 
 
@@ -187,7 +187,7 @@ def test_scenes_of_any_size_close_or_tell_their_gap(scale):
         if gap <= 0.0:
             assert len(build(loaded).assembly.branches()) == 1
         else:
-            left = re.search(r"at least (\S+) m are left", refused(loaded).message)
+            left = re.search(r"where the others close, (\S+) m are left", refused(loaded).message)
             assert float(left[1]) == pytest.approx(gap * scale, rel=1e-5)
 
 

@@ -267,7 +267,7 @@ solve: {{duration: 0.1}}
 
 @pytest.mark.parametrize(
     ("angle", "rate", "message", "key"),
-    [(200.0, 2.0, "contradict this one by 1 rad/s", "angular_velocity"), (210.0, 1.0, "at least 0.174533 rad are left", "angle")],
+    [(200.0, 2.0, "contradict this one by 1 rad/s", "angular_velocity"), (210.0, 1.0, "where the others close, 0.174533 rad are left", "angle")],
 )
 def test_contradictions_are_told_whole_and_with_the_entries_that_make_them(angle, rate, message, key):
     """Shared between both that contradict each other, rates were told by half; all entries of joints were listed."""
@@ -342,3 +342,24 @@ def test_a_loop_in_space_closes_with_its_hinges_as_they_state_their_axes(fold, m
     third = np.pi - np.radians(fold)
     height = 0.8 * np.sin(np.radians(fold))
     assert starting(SARRUS, *stated, *more) == pytest.approx([0.0, 0.0, height, 0.0, 0.0, 0.0, third, -third], abs=1e-9)
+
+
+def test_what_is_left_of_a_loop_in_space_is_told_with_its_hinges_as_they_state_their_axes():
+    """The plate keeps level, and one of its legs stands a little beside what that takes."""
+    apart = 0.4 * 4.0 * np.sin(np.radians(5.0)) * np.cos(np.radians(30.0))
+    angles = {"A1": -60, "A2": -60, "B1": 50, "B2": 60}
+    with pytest.raises(DeckError, match=f"where the others close, {apart:.6g} m are left"):
+        build(parse_deck(SARRUS, overrides=[f"initial.{name}.angle={angle} deg" for name, angle in angles.items()]))
+
+
+def test_what_is_left_of_a_loop_in_space_is_told_where_its_angles_have_a_value():
+    """Of two legs in one plane one stands up, and the other one leads down and out: 5e-5 m were told."""
+    over = "{type: revolute, axis: [0, 1, 0], orientation: {axis: [0, 0, 1], angle: 180 deg}"
+    flat = [
+        "bodies.top.points.b=[-0.3, 0, 0]", "ground.points.b=[-0.3, 0, 0]", f"joints.B1={over}, between: [ground.b, b1.i]}}",
+        "joints.B2={type: revolute, axis: [0, 1, 0], between: [b1.o, b2.i]}", f"joints.B3={over}, between: [b2.o, top.b]}}",
+    ]
+    stated = [f"initial.{name}.angle=-60 deg" for name in ("A1", "A2", "B1", "B2")]
+    apart = np.hypot(1.2, 0.6 * np.sqrt(3.0)) - 0.6
+    with pytest.raises(DeckError, match=f"where the others close, {apart:.6g} m are left"):
+        build(parse_deck(SARRUS, overrides=[*flat, *stated]))
