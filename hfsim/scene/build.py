@@ -67,6 +67,8 @@ class Scene:
         What the joints hold more than once.
     rest : tuple of str
         What is to be told of the equilibrium that it starts from.
+    begin : float
+        When it starts: later than at 0 where it goes on from another scene with other models [s].
     """
 
     loaded: LoadedDeck
@@ -83,6 +85,7 @@ class Scene:
     facings: Facings
     redundancy: Redundancy
     rest: tuple[str, ...] = ()
+    begin: float = 0.0
 
     @property
     def deck(self) -> Deck:
@@ -130,13 +133,17 @@ class Scene:
     @cached_property
     def warnings(self) -> list[str]:
         """What looks wrong: slips in the deck, guesses far off, free motions hardly meant to be so."""
-        found = [*self.loaded.warnings, *self.assembly.warnings()]
-        resting = [self.bodies[name] for name in self.deck.resting if name in self.bodies]
-        off = thrown(self.system, self.system.absolute(self.q[None])[0], resting)
-        for path, what in (*self._doubtful(), *self.redundancy.told(self.loaded), *self._not_borne(), *off):
+        found, at_start = [*self.loaded.warnings, *self.assembly.warnings()], not self.begin
+        doubtful, off = (self._doubtful(), self._thrown()) if at_start else ((), ())
+        for path, what in (*doubtful, *self.redundancy.told(self.loaded), *self._not_borne(), *off):
             line = self.loaded.line_of(path)
             found.append(f"{path}{f' (line {line})' if line else ''}: {what}")
-        return [*found, *self.rest]
+        return [*found, *(self.rest if at_start else ())]
+
+    def _thrown(self) -> Iterator[tuple[str, str]]:
+        """Yield, with the deck path, what throws it off at the start."""
+        resting = [self.bodies[name] for name in self.deck.resting if name in self.bodies]
+        yield from thrown(self.system, self.system.absolute(self.q[None])[0], resting)
 
     def _doubtful(self) -> Iterator[tuple[str, str]]:
         """Yield, with the deck path, what of the start hardly can be meant."""

@@ -69,7 +69,7 @@ def hand_over(old: Scene, new: Scene, path: Trajectory) -> tuple[Scene, float]:
     state, rate = new.system.state(y, w, new.system.reduction.free_rates(near))
     state, rate = new.system.project(time, state, rate)
     gained = _energy(new.system, time, state, rate) - _energy(old.system, time, q[None], v[None])
-    return replace(new, q=state[0], v=rate[0], start_angles=angles), gained
+    return replace(new, q=state[0], v=rate[0], start_angles=angles, begin=float(path.t_end)), gained
 
 
 def _hand_turns(old: System, new: System, t: Array, x: Array) -> None:

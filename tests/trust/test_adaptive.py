@@ -211,3 +211,17 @@ def test_joints_of_which_equations_are_left_out_hold_as_the_whole_ones():
     run = simulate(parse_deck(SHAFT), error_estimate=False)
     expected = pytest.approx(0.15 / inertia, rel=1e-3)
     assert (run.status, run.final["disc.angular_velocity_x"]) == ("done", expected)
+
+
+def test_where_models_change_nothing_starts_beyond_its_stop():
+    """What takes over 0.3 s after the start has turned by 6 rad: taken for 0 s, that was 0.27 rad beyond."""
+    stopped = PINNED.replace("b1.root]", "b1.root], stops: {lower: -1 deg, upper: 3600 deg, stiffness: 100}")
+    spin = "initial: {b1: {angle: 0, angular_velocity: 20}}\nsolve: {duration: 0.3}\n"
+    old = build(parse_deck(HEAD + stopped + spin), models={"b1": "rigid"})
+    path = run_integration(old, old.deck.solve).trajectory
+    new, _ = hand_over(old, build(old.loaded, models={"b1": "exact"}), path)
+    later = old.deck.solve.model_copy(update={"duration": 0.301})
+    run_integration(new, later, start=(0.3, new.q, new.v))
+    assert (new.begin, new.warnings) == (0.3, [])
+    away = build(parse_deck(HEAD + stopped + spin.replace("angle: 0", "angle: -30 deg")))
+    assert any("beyond its stop" in warning for warning in away.warnings)
