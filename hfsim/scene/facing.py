@@ -73,9 +73,9 @@ class Facings:
         return found if any(moved) else self
 
     @cached_property
-    def _firm(self) -> Collection[str]:
+    def _firm(self) -> set[str]:
         """Bodies whose turns are stated, or follow by what joints hold and by angles that are stated."""
-        return self._spread({"ground": LEVEL, **self._stated}, (), by_holding, self._by_driver).keys()
+        return set(self._spread({"ground": LEVEL, **self._stated}, (), by_holding, self._by_driver))
 
     @cached_property
     def _stated(self) -> dict[str, Array]:
