@@ -204,6 +204,11 @@ class SpringSpec(Spec):
     """Whether what it does to its second point is one force and one moment."""
 
     @property
+    def about(self) -> tuple[str, ...]:
+        """Axes of A, of ``x``, ``y``, ``z``, about each of which it resists an angle of its own in space."""
+        return ()
+
+    @property
     def mount(self) -> JointSpec | None:
         """The joint that holds B where it is without force, if that is one place."""
         return None

@@ -70,6 +70,20 @@ def listed(values: tuple[float, ...]) -> str:
     return text if len(values) == 1 else f"[{text}]"
 
 
+def orientation_of(R: Array) -> str:
+    """Return what states a rotation (3, 3) in a deck.
+
+    Examples
+    --------
+    >>> orientation_of(np.diag([-1.0, 1.0, -1.0]))
+    'orientation: {axis: [0, 1, 0], angle: 180 deg}'
+    """
+    turn = rotation_vector(R)
+    angle = float(np.linalg.norm(turn))
+    axis = turn / angle if angle > NO_TURN else np.eye(3)[2]
+    return f"orientation: {{axis: {listed(tuple(axis.round(9) + 0.0))}, angle: {np.degrees(angle):.9g} deg}}"
+
+
 class Placed(NamedTuple):
     """Where the bodies of a scene are put together; see `Assembly`."""
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from hfsim.errors import DeckError
 from hfsim.maths.arrays import Array
-from hfsim.maths.rotations import freedoms, rotation_vector
+from hfsim.maths.rotations import freedoms
 from hfsim.mechanics.constraints import Constraint
-from hfsim.scene.assembly import UNITS, Change, listed
+from hfsim.scene.assembly import UNITS, Change, listed, orientation_of
 from hfsim.scene.closing import CLOSED
 from hfsim.scene.stated import Start, Stated
 
@@ -51,13 +51,10 @@ def contradicted(
 
 def misfaced(start: Start, item: str, off: float, faced: Array) -> DeckError:
     """Return the refusal of stated orientations that a joint does not have, B's axes in A's being `faced`."""
-    turn = rotation_vector(faced)
-    angle = float(np.linalg.norm(turn))
-    axis = listed(tuple((turn / angle if angle else turn).round(9) + 0.0))
     message = f"the initial orientations contradict this joint by {off:.6g} rad"
-    stated = f"orientation: {{axis: {axis}, angle: {np.degrees(angle):.9g} deg}}"
-    hint = f"give the joint '{stated}', which is how they turn B against A, or correct what is stated"
-    return start.refuse(item, message, f"{hint} under 'initial', or leave it out to let it follow")
+    hint = f"give the joint '{orientation_of(faced)}', which is how they turn B against A"
+    rest = "or correct what is stated under 'initial', or leave it out to let it follow"
+    return start.refuse(item, message, f"{hint}, {rest}")
 
 
 def cannot_close(start: Start, place: Stated, joint: Constraint, size: float, gaps: Array) -> DeckError:

@@ -9,10 +9,9 @@ import numpy as np
 
 from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array, magnitude
-from hfsim.maths.rotations import rotation_vector
 from hfsim.mechanics.directions import THIRD
 from hfsim.parts.channels import kind_of
-from hfsim.scene.assembly import listed
+from hfsim.scene.assembly import orientation_of
 from hfsim.scene.facing import axis_of
 from hfsim.scene.initial import InitialSpec
 from hfsim.scene.loops import GROUND, Loops, ends_of
@@ -37,6 +36,7 @@ def doubtful(scene: Measured) -> Iterator[tuple[str, str]]:
     yield from _wound(scene, turned)
     if deck.dimension == 3:
         turned += [(f"joints.{name}", joint) for name, joint in deck.joints.items() if _turned(joint)]
+        turned += [(f"springs.{name}", spring) for name, spring in deck.springs.items() if spring.about]
         yield from _without_zero(scene, turned)
 
 
@@ -50,26 +50,37 @@ def _turned(spec: Any) -> bool:
 
 
 def _without_zero(scene: Measured, entries: Sequence[tuple[str, Any]]) -> Iterator[tuple[str, str]]:
-    """Yield angles in use whose axis in B starts the opposite way from where it is at angle zero."""
+    """Yield angles in use whose axes in B start the opposite way from where they are at angle zero."""
     for path, spec in entries:
         a, b = (split_point(point)[0] for point in spec.between)
         lines = not all(scene.deck.bodies[name].sectioned for name in {a, b} - {"ground"})
         if lines or not _in_use(scene, path, spec):
             continue
-        facing, axis, zero = _frame(scene, a).T @ _frame(scene, b), axis_of(spec), _zero(spec)
-        if np.linalg.norm(facing.T @ axis + zero.T @ axis) < OPPOSITE:
-            message = f"nothing says where this angle is zero: its axis points the opposite way in '{b}'"
+        facing, zero = _frame(scene, a).T @ _frame(scene, b), _zero(spec)
+        over = [name for name, e in _axes(spec) if np.linalg.norm((facing + zero).T @ e) < OPPOSITE]
+        if over:
+            message = f"nothing says where {_angles(over)} the opposite way in '{b}'"
             yield path, f"{message} ({_to_state(spec, facing)})"
+
+
+def _axes(spec: Any) -> list[tuple[str, Array]]:
+    """Return the axes (3,) of angles of a joint or a spring in A's frame, with their names, if any."""
+    named = [(name, np.eye(3)["xyz".index(name)]) for name in getattr(spec, "about", ())]
+    return named or [("", axis_of(spec))]
+
+
+def _angles(names: Sequence[str]) -> str:
+    """Return in words which angles are zero, and which axes point."""
+    if len(names) > 1:
+        return f"its angles about {' and '.join(names)} are zero: these axes point"
+    return f"{f'its angle about {names[0]}' if names[0] else 'this angle'} is zero: its axis points"
 
 
 def _to_state(spec: Any, facing: Array) -> str:
     """Return what says where an angle is zero: where B starts."""
     if "orientation" not in type(spec).model_fields:
         return "turn the frame of one of both bodies over"
-    turn = rotation_vector(facing)
-    angle = float(np.linalg.norm(turn))
-    axis = listed(tuple((turn / angle if angle else turn).round(9) + 0.0))
-    return f"'orientation: {{axis: {axis}, angle: {np.degrees(angle):.9g} deg}}' does, where it starts"
+    return f"'{orientation_of(facing)}' does, where it starts"
 
 
 def _in_use(scene: Measured, path: str, spec: Any) -> bool:
@@ -99,6 +110,11 @@ def _frame(scene: Measured, body: str) -> Array:
 
 
 def _zero(spec: Any) -> Array:
+    if getattr(spec, "about", ()):
+        from hfsim.deck.orientation import matrix_of
+
+        stated = matrix_of(spec)
+        return np.eye(3) if stated is None else stated
     stated = getattr(spec, "orientation", None)
     return np.eye(3) if stated is None else np.asarray(stated.matrix)
 

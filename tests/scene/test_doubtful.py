@@ -86,6 +86,29 @@ def test_an_angle_whose_axis_points_the_opposite_way_has_no_zero_until_an_orient
     assert angle(found, "hinge") == angle(found, "fs") == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("spring", "angles"),
+    [("rotational_stiffness: 10", "its angles about x and z are zero: these axes"),
+     ("rotational_damping: 1, orientation: {axis: [0, 1, 0], angle: 360 deg}", "its angles about x and z are zero: these axes"),
+     ("rotational_stiffness: [10, 5, 0]", "its angle about x is zero: its axis"),
+     ("rotational_stiffness: 10, angle: 180 deg", "its angles about y and z are zero: these axes"),
+     ("stiffness: 10, rotational_stiffness: [0, 10, 0]", ""),
+     (f"rotational_stiffness: 10, {OVER.replace('=', ': ')}", "")],
+)  # fmt: skip
+def test_a_bushing_that_starts_half_a_turn_from_rest_is_warned_of_as_other_springs_are(spring, angles):
+    """Its energy was another one with each digit, and grew."""
+    over = f"springs.m={{type: bushing, between: [ground, flap], {spring}}}"
+    told = [one for one in scene(FLIP, "joints={}", "output.channels=[flap.x]", "springs={}", over).warnings if "nothing says" in one]
+    starts = "point" if "axes" in angles else "points"
+    expected = f"springs.m: nothing says where {angles} {starts} the opposite way in 'flap' ('{OVER.replace('=', ': ')}' does, where it starts)"
+    assert told == ([expected] if angles else [])
+
+
+def test_what_is_to_be_stated_of_a_start_without_a_turn_has_an_axis():
+    level = scene(FLIP, "initial={}", f"springs.fs.{OVER}", "output.channels=[flap.x]")
+    assert [one.partition("('")[2] for one in level.warnings if "nothing says" in one] == ["orientation: {axis: [0, 0, 1], angle: 0 deg}' does, where it starts)"]
+
+
 def test_an_angle_that_nobody_asks_for_needs_no_zero():
     assert not scene(FLIP, "springs={}", "output.channels=[flap.x]").warnings
 

@@ -88,6 +88,12 @@ class BushingSpec(SpringSpec):
         return any(any(one) if isinstance(one, tuple) else one for one in each)
 
     @property
+    def about(self) -> tuple[str, ...]:
+        """The axes about which it acts."""
+        each = np.broadcast_arrays(np.zeros(3), self.rotational_stiffness, self.rotational_damping)
+        return tuple(name for name, acts in zip("xyz", np.any(each, axis=0), strict=True) if acts)
+
+    @property
     def mount(self) -> JointSpec:
         """The joint that holds B where the bushing is without force."""
         return RestSpec(
