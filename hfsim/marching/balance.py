@@ -35,6 +35,9 @@ EXPLAINED = 10.0
 FAR = 1e6
 """Coordinates, over the largest at the start (or 1), beyond which their rounding is no excuse for a drift."""
 
+OUTLYING = 1e3
+"""Change by rounding, over that in half the time, from which a state is left out: energies jump there."""
+
 ROUNDINGS, ROUNDED = 4, 64
 """Ways in which the coordinates are rounded up and down, at most, and states that this makes at least: few
 may miss the largest change."""
@@ -94,8 +97,10 @@ def energies_of(system: System, t: Array, x: Array, u: Array) -> Array:
 
 def rounding_of(
     system: System, t: Array, x: Array, energies: Array, share: float = np.finfo(float).eps
-) -> float:
+) -> Array:
     """Return by how much stored energies change at most when each coordinate does by a share of its size.
+
+    Shape (n_batch,).
 
     Parameters
     ----------
@@ -106,12 +111,28 @@ def rounding_of(
     share : float
         Of the largest coordinate; without it that of the last digit.
     """
-    largest, last_digit = 0.0, _last_digit(x, share)
+    largest, last_digit = np.zeros(len(x)), _last_digit(x, share)
     for signs in _ways(x):
         rounded = x + last_digit * signs
         stored = np.stack([system.strain_energy(rounded), system.potential_energy(t, rounded)])
-        largest = max(largest, float(np.abs(stored - energies[1:]).max(initial=0.0)))
+        largest = np.maximum(largest, np.abs(stored - energies[1:]).max(axis=0))
     return largest
+
+
+def _usual(roundings: Array, t: Array) -> float:
+    """Return the largest of changes by rounding in states (n,), but for those where energies jump.
+
+    Infinity is that of none; states at which there is none, which are no numbers, do not count.
+    """
+    step = np.diff(t)
+    weights = np.append(step, 0.0) + np.append(0.0, step)
+    known = np.isfinite(roundings)
+    found, order = roundings[known], np.argsort(roundings[known])
+    if not len(found):
+        return np.inf
+    passed = np.cumsum(weights[known][order])
+    half = found[order[np.searchsorted(passed, 0.5 * passed[-1])]]
+    return float(found[found <= OUTLYING * half].max())
 
 
 def _last_digit(x: Array, share: float) -> Array:
@@ -130,19 +151,20 @@ class Balance:
     put in since, over the largest of the energies' ranges, those of the kinetic energy inside the steps
     included: steps may begin and end at rest.  Where nothing moves, what the energies change by and
     the work of loads are those of coordinates that are off by `ROUNDING`, which no tolerance is below: no
-    drift up to `EXPLAINED` times that, and beyond it a share of at least `AT_REST` times that.
+    drift up to `EXPLAINED` times that, and beyond it a share of at least `AT_REST` times that.  Where
+    energies jump, as half a turn from where angles are zero, single states are off by more: no excuse.
     """
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._sums: Array = np.zeros(len(_Sum))
-        self._sums[_Sum.INITIAL] = np.nan
+        self._sums[_Sum.INITIAL], self._sums[_Sum.ROUNDING] = np.nan, np.inf
         self._ranges = np.array([[np.inf] * 3, [-np.inf] * 3])
         """Least and most kinetic, strain and potential energy so far [J]."""
 
     def add(self, steps: StepSamples) -> None:
         """Take the next stretch, which begins where the last one ended."""
-        system, sums = self._scene.system, self._sums
+        system, sums, roundings = self._scene.system, self._sums, np.full(len(steps.t), np.nan)
         work = sums[_Sum.WORK] + _work(self._scene, steps)
         for part in slices(len(steps.t), MAX_STATES):
             t, q, v = steps.t[part], steps.q[part], steps.v[part]
@@ -157,14 +179,15 @@ class Balance:
             self._ranges[1] = np.maximum(self._ranges[1], energies.max(axis=1))
             sums[_Sum.FINAL] = total[-1]
             self._raise(_Sum.RESIDUAL, np.abs(total - sums[_Sum.INITIAL] - work[part]).max())
-            rounding = rounding_of(system, t[near], x[near], energies[:, near], ROUNDING)
-            self._raise(_Sum.ROUNDING, rounding)
+            roundings[part][near] = rounding_of(system, t[near], x[near], energies[:, near], ROUNDING)
             self._raise(_Sum.POSITION, np.abs(system.residual(t, x)).max(initial=0.0))
             self._raise(_Sum.VELOCITY, np.abs(system.drift(t, x, u)).max(initial=0.0))
         self._raise(_Sum.MOST_WORK, np.abs(work).max())
         kinetic, rounding = _inside(system, steps, FAR * sums[_Sum.SIZE])
         self._raise(_Sum.INNER, kinetic)
-        self._raise(_Sum.ROUNDING, rounding)
+        self._raise(_Sum.WORK_ROUNDING, rounding)
+        # where nothing moves it is alike all the time; where energies jump, it is so for a while
+        sums[_Sum.ROUNDING] = min(sums[_Sum.ROUNDING], _usual(roundings, steps.t))
         sums[_Sum.WORK] = work[-1]
 
     def _raise(self, name: _Sum, value: float) -> None:
@@ -176,10 +199,11 @@ class Balance:
         sums, (least, most) = self._sums, self._ranges
         sizes = np.maximum(np.abs(least), np.abs(most))[:2]
         ranges = (most - least).max(), sizes.max(), sums[_Sum.MOST_WORK]
-        scale, least_scale = float(max(*ranges, sums[_Sum.INNER])), AT_REST * float(sums[_Sum.ROUNDING])
-        residual = float(sums[_Sum.RESIDUAL])
+        stored = sums[_Sum.ROUNDING] if np.isfinite(sums[_Sum.ROUNDING]) else 0.0
+        rounding, residual = float(max(stored, sums[_Sum.WORK_ROUNDING])), float(sums[_Sum.RESIDUAL])
+        scale, least_scale = float(max(*ranges, sums[_Sum.INNER])), AT_REST * rounding
         if scale < least_scale:
-            residual, scale = max(0.0, residual - EXPLAINED * float(sums[_Sum.ROUNDING])), least_scale
+            residual, scale = max(0.0, residual - EXPLAINED * rounding), least_scale
         return {
             "energy_drift": _share(residual, scale),
             "energy_initial": float(sums[_Sum.INITIAL]),
@@ -211,6 +235,7 @@ class _Sum(IntEnum):
     POSITION = 7
     VELOCITY = 8
     SIZE = 9
+    WORK_ROUNDING = 10
 
 
 def _share(residual: float, scale: float) -> float:

@@ -57,7 +57,7 @@ class EnergyWatch:
         power = float(system.power(time, x, u)[0]) if system.exchanges_power else 0.0
         if self._last is None:
             self._start, self._potential = moving + potential, potential
-            rounding = ROUND_OFF * rounding_of(system, time, x, energies) / LIMIT
+            rounding = ROUND_OFF * float(rounding_of(system, time, x, energies)[0]) / LIMIT
             self._most = max(ROUNDING * (moving + abs(potential)), rounding, _cancelled(system, x))
         else:
             self._work += 0.5 * (power + self._last[1]) * (t - self._last[0])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hfsim.integrators import Segment, Trajectory
-from hfsim.marching.balance import balance, step_samples
+from hfsim.marching.balance import Balance, balance, step_samples
 from hfsim.marching.integration import run_integration
 from hfsim.maths import kernel
 from hfsim.maths.traced import Refused
@@ -157,6 +157,30 @@ def test_a_motion_out_of_all_scale_is_a_drift_and_not_rounding(size):
     with np.errstate(all="ignore"):
         facts = balance(scene, step_samples(Trajectory(0.0, 0.3, far, scene.v, segments)))
     assert facts["energy_drift"] == pytest.approx(1.0, abs=1e-6)
+
+
+TURNED = """
+hfsim: 1
+parameters: {a: 180 deg}
+bodies: {b: {type: rigid, mass: 1.0, inertia: [1.0, 1.0, 1.0]}}
+springs: {m: {type: bushing, between: [ground, b], rotational_stiffness: 1000}}
+initial: {b: {position: [0, 0, 0], orientation: {axis: [0, 1, 0], angle: "${a}"}}}
+solve: {duration: 0.3}
+"""
+
+
+@pytest.mark.parametrize("stretches", [1, 3])
+def test_a_state_at_which_energies_jump_excuses_no_drift(stretches):
+    """Half a turn from rest the last digit makes 1e4 J: ten thousand times that was taken for the scale."""
+    angles = [180, 90, 80, 70, 60, 50, 40]
+    scenes = [build(parse_deck(TURNED, overrides=[f"parameters.a={angle} deg"])) for angle in angles]
+    q, v, none = [one.q for one in scenes], scenes[0].v, np.zeros((1, len(scenes[0].q)))
+    found = Balance(scenes[-1])
+    for some in np.split(np.arange(6), stretches):
+        segments = [Segment(0.05 * k, 0.05, q[k], v, none) for k in some]
+        end = int(some[-1]) + 1
+        found.add(step_samples(Trajectory(0.05 * some[0], 0.05 * end, q[end], v, segments)))
+    assert found.facts()["energy_drift"] > 0.5
 
 
 @pytest.mark.parametrize("method, most", [("generalized_alpha", 1e-4), ("gear", 5e-3), ("energy", 4e-9)])
