@@ -250,8 +250,6 @@ class BeamSpec(BodySpec):
             if self.section is not None:
                 yield Complaint(("section",), "the stations say the section", "remove this key", True)
         length = self.axis.length if self.axis else self.length
-        if self.length and abs(length - self.length) > _SAME_LENGTH * length:
-            yield Complaint(("length",), f"the axis is {length:.9g} m long", "remove this key")
         for name, point in self.points.items():
             if name in END_POINTS:
                 yield Complaint(("points", name), f"every beam has a point '{name}'", "choose another name")
@@ -267,6 +265,8 @@ class BeamSpec(BodySpec):
         """Yield what does not fit the section, the model and the form of the elastic force."""
         beam = self.in_space(around.n_dim or 2)
         yield from super().complaints_in(around)
+        if self.axis and abs(self.axis.length - beam.length) > _SAME_LENGTH * self.axis.length:
+            yield Complaint(("length",), f"the axis is {self.axis.length:.9g} m long", "remove this key")
         yield from beam._element_complaints(around.n_dim or 2)
         for path, _, material, name in self.made_of:
             section = around.sections.get(name)
