@@ -184,3 +184,19 @@ def test_what_is_wrong_is_told(release, told):
     with pytest.raises(DeckError) as error:
         build(parsed(CATCH.replace("{force: 20}", release)))
     assert told in str(error.value)
+
+
+@pytest.mark.parametrize("limit", [700.0, 2000.0])
+def test_a_rope_that_is_slack_breaks_or_throws_back(limit):
+    """As the manual writes it: straight on both sides of zero but for 1e-9 m."""
+    table = "[[-1, 0], [0, 0], [1.0e-9, 5.0e-5], [1, 5.0e4]]"
+    rope = f"rest_length: 1.0, table: {table}, release: {{force: {limit}}}"
+    text = CATCH.replace("stiffness: 50, rest_length: 1.0, release: {force: 20}", rope)
+    run = hfsim.run(parsed(text.replace("[1.0, 0.0]", "[0.4, 0.0]")), error_estimate=False, diagnosis=False)
+    rate, stretch = np.sqrt(5.0e4 / 2.0), limit / 5.0e4
+    breaks = stretch < 3.0 / rate
+    when = 0.2 + np.arcsin(stretch * rate / 3.0) / rate if breaks else None
+    assert run.statistics["releases"] == {"springs.rope": pytest.approx(when, abs=1e-9)}
+    after = np.sqrt(9.0 - 25000.0 * stretch**2) if breaks else -3.0
+    assert run["cart.vx"][10] == pytest.approx(after, abs=1e-6), "at 0.5 s"
+    assert run.statistics["energy_drift"] < 1e-9
