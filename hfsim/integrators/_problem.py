@@ -14,7 +14,7 @@ from hfsim.integrators._often import Often, Recordings
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen, mutable
 from hfsim.maths.matrices import Matrix
-from hfsim.mechanics.counting import Turns
+from hfsim.mechanics.counting import Past, Turns
 from hfsim.mechanics.edges import Edges
 from hfsim.mechanics.linearized import Linearized, by_differences
 from hfsim.mechanics.strained import Strains
@@ -225,6 +225,10 @@ class Problem:
     def count_on(self, n: int, start: float, end: float) -> None:
         """Begin to count, in a run of n coordinates between these times, what is called often."""
         self.often = Often(self.recordings, start, end, n, self.many_forces)
+
+    def past(self) -> Past:
+        """Return what forces remember of the motion that was followed last."""
+        return Past.of([*self.turns.counts, *self.edges.once])
 
     def apart(self) -> Problem:
         """Return the same equations, evaluated in NumPy alone, with counts of their own."""

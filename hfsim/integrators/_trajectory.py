@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple, TypeVar
@@ -13,6 +13,7 @@ import numpy as np
 from hfsim.integrators._tableau import legendre
 from hfsim.maths.arrays import Array, IntArray, distinct, slices
 from hfsim.maths.shapes import gauss_legendre
+from hfsim.mechanics.counting import Past
 
 _Key = TypeVar("_Key", int, float)
 Watch = Callable[[float, Array, Array], None]
@@ -149,6 +150,8 @@ class Trajectory:
         Labels of what made the steps, in the order in which they were first used; see `Stepper.label`.
     condensed : bool
         Whether some steps are right at their ends only.
+    past : Past
+        What forces remember of it once it has ended; until then, nothing but it is followed.
     """
 
     t_start: float
@@ -158,6 +161,7 @@ class Trajectory:
     segments: list[Segment] = field(default_factory=list)
     methods: list[str] = field(default_factory=list)
     condensed: bool = False
+    past: Past = field(default_factory=Past)
 
     def at(self, times: Array) -> tuple[Array, Array]:
         """Return (q, v) at sorted times, shape (n_times, n) each."""
@@ -195,6 +199,12 @@ class Trajectory:
         for count, some, alike in _alike(steps, counts.tolist()):
             rows, m = first[some][:, None] + np.arange(count), alike.series.shape[1]
             q[rows], v[rows] = alike.read(theta[rows], once[rows, :m], twice[rows, :m])
+
+    def part(self, some: slice, t_end: float, q: Array, v: Array) -> Trajectory:
+        """Return some of its steps, up to a time and the state (n,) there."""
+        steps = self.segments[some]
+        begin = steps[0].t if steps else t_end
+        return replace(self, t_start=begin, t_end=t_end, q=q, v=v, segments=steps)
 
     @property
     def names(self) -> list[str]:

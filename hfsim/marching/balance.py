@@ -164,6 +164,10 @@ class Balance:
 
     def add(self, steps: StepSamples) -> None:
         """Take the next stretch, which begins where the last one ended."""
+        with steps.trajectory.past.recalled():
+            self._add(steps)
+
+    def _add(self, steps: StepSamples) -> None:
         system, sums, roundings = self._scene.system, self._sums, np.full(len(steps.t), np.nan)
         work = sums[_Sum.WORK] + _work(self._scene, steps)
         for part in slices(len(steps.t), MAX_STATES):

@@ -9,9 +9,8 @@ import numpy as np
 
 from hfsim.integrators import Trajectory
 from hfsim.marching.integration import Leg
-from hfsim.marching.sampling import samples_of, table_of
+from hfsim.marching.sampling import samples_at, table_of
 from hfsim.marching.solution import Channel
-from hfsim.marching.turns import read_states
 from hfsim.maths.arrays import Array, BoolArray, distinct
 from hfsim.maths.frozen import frozen
 
@@ -112,10 +111,8 @@ def _within(times: Array, ends: Array, chosen: BoolArray) -> Array:
 
 def _read(leg: Leg, times: Array) -> Array:
     """Return rows, times [s] and channels, read from the steps at sorted times."""
-    path = leg.done.trajectory
-    q, v, turns = read_states(leg.scene, path, times, leg.record.begin_angles)
     with np.errstate(all="ignore"):
-        return table_of(samples_of(leg.scene, times, q, v, turns))
+        return table_of(samples_at(leg.scene, leg.done.trajectory, times, leg.record.begin_angles))
 
 
 def times_between(path: Trajectory, rows: Array, room: int) -> Array:

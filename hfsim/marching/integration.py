@@ -102,6 +102,7 @@ def run_integration(
     if isinstance(stop, BudgetUsedError):
         # whoever raised it knows another share: that of all the work, before steps that were made at once
         stop = BudgetUsedError(stop.seconds, steps.path.t_end / solve.duration)
+    steps.path.past = steps.problem.past()
     method = ", ".join(steps.path.names) or _method(scene, solve).name
     return Integration(steps.path, steps.problem, method, stop)
 

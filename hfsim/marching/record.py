@@ -191,9 +191,7 @@ class LegRecord:
 
     def block(self, path: Trajectory, counts: Counts) -> Array:
         """Add the steps since the last block; return their rows, (n_rows, 1 + n_channels)."""
-        own = path.segments[self._first :]
-        begin = own[0].t if own else path.t_end
-        stretch = Trajectory(begin, path.t_end, path.q, path.v, own)
+        stretch = path.part(slice(self._first, None), path.t_end, path.q, path.v)
         last = int(np.searchsorted(self._times, path.t_end, side="right"))
         with np.errstate(all="ignore"):
             if self._reader is not None:
@@ -218,7 +216,7 @@ class LegRecord:
         if not len(times):
             return np.empty((0, 1 + len(scene.deck.channels)))
         before = {name: angles[:-1] for name, angles in turns.items()}
-        samples = samples_of(scene, times, q[:-1], v[:-1], before)
+        samples = samples_of(scene, times, q[:-1], v[:-1], before, stretch.past)
         self._keep(np.column_stack([np.arange(mine.start, mine.stop), times, samples.q, samples.v]))
         return table_of(samples)
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from hfsim.marching.solution import Channel, Snapshot
 from hfsim.marching.turns import read_states
 from hfsim.maths.arrays import Array, IntArray, Places, at_once, slices
 from hfsim.maths.frozen import frozen
+from hfsim.mechanics.counting import Past
 from hfsim.parts.channels import Samples, force_columns, kind_of
 from hfsim.scene.build import Scene
 
@@ -24,9 +25,16 @@ _ROUNDING = 1e-14
 
 @frozen
 class SceneSamples(Samples):
-    """Samples of a whole scene, its deck included."""
+    """Samples of a whole scene, its deck included.
+
+    Attributes
+    ----------
+    past : Past
+        What forces remember of the motion, once it has ended.
+    """
 
     scene: Scene
+    past: Past = field(default_factory=Past)
 
     def of(self, rows: Places) -> SceneSamples:
         """Return samples at some of the times."""
@@ -103,18 +111,22 @@ def sample(scene: Scene, trajectory: Trajectory) -> SceneSamples:
     return samples_at(scene, trajectory, times[times <= trajectory.t_end])
 
 
-def samples_at(scene: Scene, trajectory: Trajectory, times: Array) -> SceneSamples:
-    """Return samples at sorted times."""
-    return samples_of(scene, times, *read_states(scene, trajectory, times))
+def samples_at(
+    scene: Scene, trajectory: Trajectory, times: Array, angles: Mapping[str, float] | None = None
+) -> SceneSamples:
+    """Return samples at sorted times; angles as in `read_states`."""
+    return samples_of(scene, times, *read_states(scene, trajectory, times, angles), trajectory.past)
 
 
-def samples_of(scene: Scene, t: Array, q: Array, v: Array, turns: dict[str, Array]) -> SceneSamples:
+def samples_of(
+    scene: Scene, t: Array, q: Array, v: Array, turns: dict[str, Array], past: Past
+) -> SceneSamples:
     """Return samples of states as they were read, which are moved onto the joints."""
     parts = slices(len(t), at_once(scene.system.n))
     moved = [scene.system.project(t[some], q[some], v[some]) for some in parts]
     if moved:
         q, v = (np.concatenate(one) for one in zip(*moved, strict=True))
-    return SceneSamples(scene, t, q, v, turns)
+    return SceneSamples(scene, t, q, v, turns, past)
 
 
 def compute_channels(samples: SceneSamples, names: Sequence[str] = ()) -> tuple[Channel, ...]:
@@ -128,9 +140,10 @@ def table_of(samples: SceneSamples, names: Sequence[str] = ()) -> Array:
     names = names or samples.scene.deck.channels
     table = np.empty((len(samples.t), 1 + len(names)))
     table[:, 0] = samples.t
-    for some, part in samples.batches():
-        for k, name in enumerate(names, start=1):
-            table[some, k] = kind_of(name, samples.scene.deck).compute(part, name.rpartition(".")[0])
+    with samples.past.recalled():
+        for some, part in samples.batches():
+            for k, name in enumerate(names, start=1):
+                table[some, k] = kind_of(name, samples.scene.deck).compute(part, name.rpartition(".")[0])
     return table
 
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from hfsim.integrators import integrator
 from hfsim.marching.integration import Leg
-from hfsim.mechanics.force import ForcePart
 
 _SUMS = (
     *("steps", "rejected", "newton_iterations", "evaluations", "evaluation_calls", "factorisations"),
@@ -35,20 +34,21 @@ def leg_statistics(leg: Leg) -> dict[str, Any]:
         **_numbers(leg.done.trajectory.numbers),
         "models": leg.scene.models,
         "assembly": leg.scene.assembly.facts(),
-        **_happened(system.forces),
+        **_happened(leg),
         **leg.record.balance.facts(),
     }
 
 
-def _happened(forces: Sequence[ForcePart]) -> dict[str, Any]:
+def _happened(leg: Leg) -> dict[str, Any]:
     """Return when each latch caught and each spring let go [s], None if it has not, by what it is of."""
-    found: dict[str, dict[str, float | None]] = {}
+    forces, found = leg.scene.system.forces, dict[str, dict[str, float | None]]()
     if any(part.events for part in forces):
         from hfsim.mechanics.once import events_of
 
-        for event, ties in events_of(forces):
-            t = float(event.since[0])
-            found.setdefault(event.told, {})[event.item(ties)] = t if np.isfinite(t) else None
+        with leg.done.trajectory.past.recalled():
+            for event, ties in events_of(forces):
+                t = float(event.since[0])
+                found.setdefault(event.told, {})[event.item(ties)] = t if np.isfinite(t) else None
     return found
 
 

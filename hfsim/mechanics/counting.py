@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.projection import Through, directly
 from hfsim.mechanics.system import System
-from hfsim.mechanics.turns import NEAR, Turning
+from hfsim.mechanics.turns import NEAR, TurnCount, Turning
 
 PLACES = np.linspace(0.0, 1.0, 17)[1:]
 """Places in a step at which angles are looked at."""
@@ -52,6 +52,39 @@ class Step(Protocol):
 
     def positions(self, shares: Array) -> Array:
         """Return q there."""
+
+
+class Past(NamedTuple):
+    """What the forces of a system remember of one motion, also when they have followed others.
+
+    Attributes
+    ----------
+    parts : tuple of (object, tuple)
+        What counts the turns of an angle, or says whether something has happened, with its memory: what it
+        has in `memory` and can `take`, which is replaced along a motion, never changed.
+    """
+
+    parts: tuple[tuple[Any, tuple[Any, ...]], ...] = ()
+
+    @classmethod
+    def of(cls, parts: Iterable[Any]) -> Past:
+        """Return what is remembered now."""
+        return cls(tuple((one, one.memory) for one in parts))
+
+    def recall(self) -> None:
+        """Have the forces remember it."""
+        for one, memory in self.parts:
+            one.take(*memory)
+
+    @contextmanager
+    def recalled(self) -> Iterator[None]:
+        """For the time being, have the forces remember it."""
+        before = Past.of(one for one, _ in self.parts)
+        self.recall()
+        try:
+            yield
+        finally:
+            before.recall()
 
 
 class AlongSteps:
@@ -94,6 +127,11 @@ class Turns(AlongSteps):
         forces = () if system is None else system.forces
         self._parts = tuple((part, part.counter) for part in forces if part.counter is not None)
         self._seen: list[list[float]] = []
+
+    @property
+    def counts(self) -> list[TurnCount]:
+        """The turns of each angle."""
+        return [count for _, count in self._parts]
 
     def start(self, t: float, q: Array, v: Array) -> None:
         """Begin to follow a motion in a state (n,)."""
@@ -145,14 +183,13 @@ class Turns(AlongSteps):
     @contextmanager
     def supposed(self, t: float, angles: Array) -> Iterator[None]:
         """For the time being, take the angles near t for these."""
-        before = [(count.noted, count.now) for _, count in self._parts]
-        for (_, count), angle in zip(self._parts, angles.tolist(), strict=True):
+        before = Past.of(self.counts)
+        for count, angle in zip(self.counts, angles.tolist(), strict=True):
             count.suppose(t, angle)
         try:
             yield
         finally:
-            for (_, count), (noted, now) in zip(self._parts, before, strict=True):
-                count.take(noted, now)
+            before.recall()
 
     def end(self) -> None:
         """End the motion."""

@@ -17,6 +17,7 @@ from hfsim.mechanics.system import System
 
 if TYPE_CHECKING:
     from hfsim.mechanics.events import Events
+    from hfsim.mechanics.once import Event
 
 NEAR = 1e-3
 """Share of a step up to which an edge counts as its start."""
@@ -42,6 +43,11 @@ class Edges(AlongSteps):
     def __bool__(self) -> bool:
         """Tell whether there are any."""
         return bool(self._parts) or self._events is not None
+
+    @property
+    def once(self) -> list[Event]:
+        """What changes forces once, for good."""
+        return [] if self._events is None else self._events.each
 
     def start(self, t: float, q: Array, v: Array) -> None:
         """Begin to follow a motion in a state (n,)."""

@@ -10,7 +10,7 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.maths.traced import live
 from hfsim.mechanics.counting import PLACES, AlongSteps, Step
-from hfsim.mechanics.once import events_of, start
+from hfsim.mechanics.once import Event, events_of, start
 from hfsim.mechanics.projection import Through
 from hfsim.mechanics.system import System
 
@@ -31,8 +31,13 @@ class Events(AlongSteps):
         self._begun = False
 
     @property
+    def each(self) -> list[Event]:
+        """All of them."""
+        return [event for event, _ in self._all]
+
+    @property
     def _sides(self) -> Array:
-        return np.concatenate([live(event.side) for event, _ in self._all])
+        return np.concatenate([live(event.side) for event in self.each])
 
     def start(self, t: float, q: Array, v: Array) -> None:
         """Begin to follow a motion in a state (n,)."""
@@ -85,13 +90,13 @@ class Events(AlongSteps):
 
     def kept(self) -> Callable[[], dict[str, Array]]:
         """Return what tells the memory of now, also when the motion has gone on."""
-        now = {"events": np.array([event.known for event, _ in self._all])}
+        now = {"events": np.array([event.memory for event in self.each])}
         return now.copy
 
     def recall(self, memory: Mapping[str, Array]) -> None:
         """Go on with a motion that was put down."""
         self._begun = True
-        for (event, _), known in zip(self._all, memory["events"].tolist(), strict=True):
+        for event, known in zip(self.each, memory["events"].tolist(), strict=True):
             event.take(*known)
 
     def looked(self, kind: Callable[..., Step], t: Any, h: Any, *start: Array) -> Array:

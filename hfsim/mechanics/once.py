@@ -51,12 +51,12 @@ class Event:
 
     def take_from(self, other: Self) -> None:
         """Have it happen when another one does."""
-        self.take(*map(float, other.known))
+        self.take(*other.memory)
 
     @property
-    def known(self) -> Array:
-        """All that changes along a motion, (3,)."""
-        return np.array([*self.since, *self.side, *self.lost])
+    def memory(self) -> tuple[float, float, float]:
+        """All that changes along a motion."""
+        return float(self.since[0]), float(self.side[0]), float(self.lost[0])
 
 
 def events_of(forces: Iterable[Any]) -> list[tuple[Event, list[Any]]]:

@@ -49,6 +49,11 @@ class TurnCount:
         self._last, self._noted = np.zeros(3), np.zeros(3)
         self.take(self.noted, self.now)
 
+    @property
+    def memory(self) -> tuple[list[Turning], Turning | None]:
+        """What is known of the angle."""
+        return self.noted, self.now
+
     def take(self, noted: list[Turning], now: Turning | None) -> None:
         """Take this for what is known of the angle."""
         self.noted, self.now = noted, now
@@ -101,6 +106,4 @@ class TurnCount:
 
     def end(self) -> None:
         """End the motion."""
-        if self.now is not None:
-            self.noted.append(self.now)
-        self.take(self.noted, None)
+        self.take(self.noted if self.now is None else [*self.noted, self.now], None)

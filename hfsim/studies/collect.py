@@ -12,7 +12,7 @@ from hfsim.deck.quantities import ALONG, Quantity
 from hfsim.errors import HfsimError
 from hfsim.integrators import Trajectory
 from hfsim.marching.between import ROUNDING
-from hfsim.marching.sampling import samples_of, table_of
+from hfsim.marching.sampling import samples_at, table_of
 from hfsim.marching.solution import Run
 from hfsim.marching.turns import read_states
 from hfsim.maths.arrays import Array, BoolArray, distinct, slices
@@ -216,8 +216,7 @@ class _Reading:
 
     def at(self, times: Array, names: Sequence[str]) -> Array:
         """Return some channels at sorted times within the steps, shape (n_times, n_names)."""
-        states = read_states(self.scene, self.steps, times, self._angles)
-        return table_of(samples_of(self.scene, times, *states), names)[:, 1:]
+        return table_of(samples_at(self.scene, self.steps, times, self._angles), names)[:, 1:]
 
     def angles_after(self) -> Mapping[str, float]:
         """Return the angles where the steps end [rad]."""
@@ -231,7 +230,7 @@ def _stretches(steps: Trajectory, most: int) -> Iterator[Trajectory]:
     t = steps.step_ends().tolist()
     for some in slices(len(steps.segments), most):
         end = ends[some.stop]
-        yield Trajectory(t[some.start], t[some.stop], end.q, end.v, steps.segments[some])
+        yield steps.part(some, t[some.stop], end.q, end.v)
 
 
 def _room(scene: Scene, count: int, names: Sequence[str]) -> int:

@@ -23,6 +23,7 @@ from hfsim.maths.arrays import Array, magnitude
 from hfsim.mechanics.modes import AnyModes, analytic_modes, modes_at_rest, modes_by_differences
 from hfsim.scene.build import Scene, build
 from hfsim.scene.gauging import gauge_of
+from hfsim.trust.handover import hand_memory
 
 MOST_UNKNOWNS = 400
 """Unknowns up to which a scene is linearised by differences, and all eigenvalues are computed."""
@@ -90,7 +91,7 @@ def linearise(scene: Scene, t: float, q: Array, v: Array) -> AnyModes:
 
 def spectrum(scene: Scene, t: float, q: Array, v: Array) -> Spectrum:
     """Return the frequencies and the largest growth rate of a scene in one state."""
-    seen, place = _in_body_frames(scene, q, v)
+    seen, place = _in_body_frames(scene, t, q, v)
     near = linearise(seen, t, *place)
     found = near.eigenvalues()
     sizes = np.abs(found.imag)
@@ -121,13 +122,14 @@ def fastest_mode(scene: Scene, t: float, q: Array, v: Array) -> tuple[float, Arr
     return omega, shape / max(gauge.size(moved), magnitude(moved[:, gauge.turning > 0.0]))
 
 
-def _in_body_frames(scene: Scene, q: Array, v: Array) -> tuple[Scene, tuple[Array, Array]]:
+def _in_body_frames(scene: Scene, t: float, q: Array, v: Array) -> tuple[Scene, tuple[Array, Array]]:
     """Return a moving scene in the coordinates of its body frames, if its model has them and it is small."""
     system = scene.system
     if not v.any() or not system.linearizes or system.n_x > MOST_UNKNOWNS or scene.model == "ancf":
         return scene, (q, v)
     framed = build(scene.loaded.with_solve({"coordinates": "frame"}), scene.model)
     x, u = system.absolute(q[None]), system.absolute_velocity(q[None], v[None])
+    hand_memory(system, framed.system, np.array([t]), x)
     hybrid, rates = framed.system.state(x, u, np.zeros((1, framed.system.n)))
     return framed, (hybrid[0], rates[0])
 

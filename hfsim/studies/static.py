@@ -274,7 +274,7 @@ def _sampled(scene: Scene, wish: Wish, row: _Row) -> StaticSamples:
     own = replace(scene, system=scaled(scene, wish.varied, row.load))
     angles = {name: np.array([angle]) for name, angle in row.angles.items()}
     weight = row.load if wish.varied is None or GRAVITY in wish.varied else 1.0
-    return StaticSamples(own, np.array([wish.t]), row.q, np.zeros_like(row.q), angles, weight)
+    return StaticSamples(own, np.array([wish.t]), row.q, np.zeros_like(row.q), angles, weight=weight)
 
 
 def facts_of(scene: Scene, samples: StaticSamples, found: Equilibrium) -> dict[str, Any]:

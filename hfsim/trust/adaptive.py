@@ -329,6 +329,6 @@ def _states(scene: Scene, path: Trajectory) -> tuple[Array, Array, Array]:
 def _until(scene: Scene, done: Integration, t: float) -> Integration:
     """Return an integration cut off at a time, ended there as if that had been asked for."""
     path = done.trajectory
-    kept = [segment for segment in path.segments if segment.t < t]
+    count = sum(segment.t < t for segment in path.segments)
     q, v = scene.system.project(np.array([t]), *path.at(np.array([t])))
-    return done._replace(trajectory=Trajectory(path.t_start, t, q[0], v[0], kept), stop=None)
+    return done._replace(trajectory=path.part(slice(count), t, q[0], v[0]), stop=None)

@@ -157,6 +157,7 @@ class Aftermath:
         if reason:
             return
         scene, done, *_ = self.run.legs[0]
+        done.trajectory.past.recall()  # estimates have had other motions followed since
         self.facts["diagnosis_reason"] = INTERRUPTED
         with self._phase("diagnosis"):
             if isinstance(self.stop, SolverFailure):

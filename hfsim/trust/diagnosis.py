@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hfsim.errors import SolverFailure
-from hfsim.integrators import Problem, Trajectory
+from hfsim.integrators import Problem
 from hfsim.marching.balance import balance, step_samples
 from hfsim.marching.culprit import body_of
 from hfsim.marching.integration import Integration
@@ -255,7 +255,7 @@ def _crushed(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
         return None
     k = int(below[0])
     name = list(limits)[int(np.argmin(stretches[:, k]))]
-    until = Trajectory(path.t_start, float(ends.t[k]), ends.q[k], ends.v[k], path.segments[:k])
+    until = path.part(slice(k), float(ends.t[k]), ends.q[k], ends.v[k])
     drift = balance(scene, step_samples(until))["energy_drift"]
     if drift > GOOD_BALANCE:
         return None

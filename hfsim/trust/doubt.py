@@ -36,7 +36,8 @@ def validity(samples: SceneSamples, trajectory: Trajectory) -> dict[str, Any]:
     steps = step_samples(trajectory)
     times, first = np.unique(np.concatenate([samples.t, steps.t]), return_index=True)
     q, v = (np.concatenate(pair)[first] for pair in ((samples.q, steps.q), (samples.v, steps.v)))
-    return watch_validity(samples.scene, times, q, v)
+    with trajectory.past.recalled():
+        return watch_validity(samples.scene, times, q, v)
 
 
 def _drift_warnings(leg: Leg, drift: float) -> list[str]:

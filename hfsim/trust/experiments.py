@@ -124,6 +124,7 @@ class Experiments:
         if isinstance(tried.stop, KeyboardInterrupt):
             raise tried.stop
         self.outcomes[what], good = self._outcome(scene or self.scene, tried)
+        self.done.trajectory.past.recall()
         return good
 
     def _outcome(self, scene: Scene, tried: Integration) -> tuple[str, bool]:

@@ -41,10 +41,15 @@ def hand_over(old: Scene, new: Scene, path: Trajectory) -> tuple[Scene, float]:
     ValueError
         If a body goes over to a model that its state has no counterpart in.
     """
+    with path.past.recalled():
+        return _handed_over(old, new, path)
+
+
+def _handed_over(old: Scene, new: Scene, path: Trajectory) -> tuple[Scene, float]:
     time, q, v = np.array([path.t_end]), path.q, path.v
     _, _, turns = read_states(old, path, time)
     x, u = old.system.absolute(q[None]), old.system.absolute_velocity(q[None], v[None])
-    _hand_turns(old.system, new.system, time, x)
+    hand_memory(old.system, new.system, time, x)
     arranged, angles = old.system.arranged(q[None]), dict(old.start_angles)
     turns = {name: old.coordinate(name, "rad").measured(time, x)[0] for name in uncounted(new)} | turns
     angles |= {name: float(turn[0]) for name, turn in turns.items()}
@@ -72,7 +77,7 @@ def hand_over(old: Scene, new: Scene, path: Trajectory) -> tuple[Scene, float]:
     return replace(new, q=state[0], v=rate[0], start_angles=angles, begin=float(path.t_end)), gained
 
 
-def _hand_turns(old: System, new: System, t: Array, x: Array) -> None:
+def hand_memory(old: System, new: System, t: Array, x: Array) -> None:
     """Say of springs which turns their angles are in, and what has happened, from a state (1, n)."""
     before = {part.item: part for part in old.forces}
     for part in (one for one in new.forces if not one.counts_for_others):

@@ -61,7 +61,8 @@ def ringing(run: Compared, budget: Budget) -> dict[str, Any] | None:
     channel, change = farthest({name: changes[name] for name in motion if name in changes} or changes)
     if fewer < SAVES or change is None or change > UNASKED:
         return None
-    vibration = _vibration(scene, done)
+    with done.trajectory.past.recalled():
+        vibration = _vibration(scene, done)
     found = {"tolerance": looser, "fewer_steps": fewer, "change": change, "channel": channel}
     return None if vibration is None else found | vibration
 
