@@ -327,7 +327,7 @@ class Stepping:
         path.t_end, path.q, path.v = t, attempt.q, attempt.v
         self._problem.turns.keep(t)
         self._behind_break = False
-        if self._problem.edges.keep(t, path.q, path.v):
+        if self._problem.edges.keep(t, path.q, path.v, None if self._limits.step is None else tried):
             self._wish = self._restarted().first
         self._rechart()
         self._problem.often.expect(t, h, self._wish)

@@ -9,21 +9,23 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.traced import live
-from hfsim.mechanics.counting import PLACES, AlongSteps, Step
+from hfsim.mechanics.counting import Step
+from hfsim.mechanics.edges import Crossings, passed
 from hfsim.mechanics.once import Event, events_of, start
 from hfsim.mechanics.projection import Through
 from hfsim.mechanics.system import System
 
 ROUNDS = 6
 """Times that the stretch in which one happens is looked at more closely."""
-SHARES = np.append(0.0, PLACES)
-"""Of that stretch."""
 SHORTEST = 1e-9
 """Share of a step after which one happens at the soonest."""
 
 
-class Events(AlongSteps):
+class Events(Crossings):
     """The events of a system, which happen from step to step."""
+
+    what, begin = "events", 0.0
+    per_term, slack = 2, 0.1  # a step may turn round as often as it has terms
 
     def __init__(self, system: System, through: Through) -> None:
         super().__init__(system, through)
@@ -44,38 +46,33 @@ class Events(AlongSteps):
         self._begun = True
         start(self._all, t, *self._absolute(q[None], v[None]))
 
-    def along(self, states: Sequence[tuple[float, Array, Array]]) -> None:
-        """Go on along states (t, q, v) at the ends of steps that others have made."""
+    def along(self, steps: Sequence[Step], end: tuple[float, Array, Array]) -> None:
+        """Go on along steps that others have made, up to a state (t, q, v)."""
+        states = [*((step.t, step.q, step.v) for step in steps), end]
         if not self._begun:
             self.start(*states[0])
-        for state in states[1:]:
-            self.keep(*state)
+        for step, state in zip(steps, states[1:], strict=True):
+            self.keep(*state, step)
 
     def first(self, step: Step) -> float:
         """Return after what time the first one happens in a tried step [s]; its length, if none does."""
         if not self._sides.any():
             return step.h
-        found = self._between(SHARES, self._look("events", self.looked, step))
-        if found is None:
-            return step.h
-        for _ in range(ROUNDS):
-            shares = found[0] + (found[1] - found[0]) * SHARES
-            seen = self._look("events at shares", self._closely, step, shares[1:])
-            found = self._between(shares, seen) or found
-        return step.h * max(found[1], SHORTEST)
+        return step.h * max(self._crossing(step, ROUNDS), SHORTEST)
 
-    def _between(self, shares: Array, beyond: Array) -> tuple[float, float] | None:
-        """Return the shares between which the first one happens, if any, seen at all of them but one."""
-        passed = np.flatnonzero((self._sides * beyond < 0.0).any(axis=1))
-        return (float(shares[passed[0]]), float(shares[passed[0] + 1])) if len(passed) else None
+    def keep(self, t: float, q: Array, v: Array, step: Step | None = None) -> bool:
+        """Go on to the end of a step; tell whether any happens there.
 
-    def keep(self, t: float, q: Array, v: Array) -> bool:
-        """Go on to the end of a step; tell whether any happens there."""
+        So does what would have inside the step, if that is given: it was not made shorter for it.
+        """
         if not self._sides.any():
             return False
         time, x, u = np.array([t]), *self._absolute(q[None], v[None])
         side = self._sides
-        happening = np.flatnonzero((side != 0.0) & (side * self._past(time, x, u)[0] <= 0.0))
+        happens = side * self._past(time, x, u)[0] <= 0.0
+        if step is not None:
+            happens |= passed(self._look(self.what, self.looked, step))
+        happening = np.flatnonzero((side != 0.0) & happens)
         for k in happening:
             event, ties = self._all[k]
             before = sum(float(tie.potential_energy(time, x)[0]) for tie in ties)
@@ -85,8 +82,7 @@ class Events(AlongSteps):
 
     def met(self, kind: Callable[..., Step], t: Any, h: Any, *start: Array) -> Array:
         """Return whether any happens in a step: one or zero, shape ()."""
-        passed = self._sides * self.looked(kind, t, h, *start) < 0.0
-        return np.asarray(np.where(passed, 1.0, 0.0).max())
+        return self._meets(self.looked(kind, t, h, *start))
 
     def kept(self) -> Callable[[], dict[str, Array]]:
         """Return what tells the memory of now, also when the motion has gone on."""
@@ -99,18 +95,10 @@ class Events(AlongSteps):
         for event, known in zip(self.each, memory["events"].tolist(), strict=True):
             event.take(*known)
 
-    def looked(self, kind: Callable[..., Step], t: Any, h: Any, *start: Array) -> Array:
-        """Return the quantity of each along a step, (n_places, n_events)."""
-        return self._seen(t + h * PLACES, *kind(t, h, *start).inside(PLACES))
-
-    def _closely(self, kind: Callable[..., Step], t: Any, h: Any, *given: Array) -> Array:
-        """Return the same at shares that are given last."""
-        *start, shares = given
-        times = t + h * shares
-        return self._seen(times, *kind(t, h, *start).at(times))
-
-    def _seen(self, t: Array, q: Array, v: Array) -> Array:
-        return self._past(t, *self._absolute(q, v))
+    def _beyond(self, series: Array, times: Array, q: Array, v: Array) -> Array:
+        beyond = -self._sides * self._past(times, *self._absolute(q, v))
+        # none has happened where it begins, though by the errors of steps it may be a little beyond
+        return np.concatenate([np.minimum(beyond[:1], 0.0), beyond[1:]])
 
     def _absolute(self, q: Array, v: Array) -> tuple[Array, Array]:
         assert self._system is not None

@@ -97,6 +97,19 @@ def test_a_flap_is_held_from_when_it_comes_to_its_place(method):
     np.testing.assert_allclose(run["hinge.torque"][later], torque, atol=2.0 * STIFFNESS * METHODS[method])
 
 
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
+def test_a_place_at_the_end_of_a_swing_catches(tolerance):
+    """Which is passed by, and left again, within a small share of a step."""
+    text = FLAP.replace("angle: 90 deg, stiffness: 500", "angle: 0.2998, stiffness: 500")
+    text = text.replace("stiffness: 0.2, rest_angle: 120 deg", "stiffness: 10").replace(
+        "{angle: 0.0}", "{angle: -0.3}"
+    )
+    changes = {"solve.method": "gauss", "solve.tolerance": tolerance, "solve.duration": 8.0}
+    run = hfsim.run(parsed(text), changes, error_estimate=False, diagnosis=False)
+    caught = (np.pi - np.arccos(0.2998 / 0.3)) / np.sqrt(10.0 / 1.4)
+    assert run.statistics["latches"] == {"joints.hinge": pytest.approx(caught, abs=1e-4)}
+
+
 def test_energy_goes_into_the_latch_and_its_damper_alone():
     run = hfsim.run(parsed(FLAP), {"solve.tolerance": 1e-9}, diagnosis=False)
     assert run.statistics["energy_drift"] < 1e-9

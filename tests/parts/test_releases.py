@@ -1,5 +1,7 @@
 """Springs that let go for good: at a time, or where their force or moment reaches a limit."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from natively import both, native
@@ -62,6 +64,58 @@ def test_a_rope_breaks_at_its_limit(method):
     np.testing.assert_allclose(
         run["cart.x"][later], 1.4 + speed * (run.t[later] - BROKEN), atol=20 * METHODS[method]
     )
+
+
+GRAZED = """
+hfsim: 1
+bodies:
+  a: {type: rigid, mass: 2.2119, inertia: 0.1}
+  b: {type: rigid, mass: 3.7638, inertia: 0.1}
+joints:
+  ra: {type: prismatic, between: [ground, a]}
+  rb: {type: prismatic, between: [ground, b]}
+springs:
+  s1: {type: two_point, between: [ground, a], stiffness: 18.4, rest_length: 1.0}
+  s2: {type: two_point, between: [a, b], stiffness: 382.7, rest_length: 1.0, release: {force: 16.65}}
+initial:
+  a: {position: [1.0, 0], velocity: [0.0, 0]}
+  b: {position: [2.0, 0], velocity: [0.6633, 0]}
+solve: {duration: 6.2}
+output: {interval: 0.05, channels: [a.x, b.x, s2.force]}
+"""
+
+
+@cache
+def grazed():
+    """Times at which the limit is first passed and left again [s]: two modes, in closed form."""
+    root = np.diag([2.2119, 3.7638]) ** 0.5
+    half = np.linalg.inv(root)
+    w2, modes = np.linalg.eigh(half @ np.array([[18.4 + 382.7, -382.7], [-382.7, 382.7]]) @ half)
+    w, size = np.sqrt(w2), modes.T @ root @ [0.0, 0.6633]
+
+    def over(t):
+        x = half @ modes @ (size / w * np.sin(w * t))
+        return 382.7 * abs(x[1] - x[0]) - 16.65
+
+    return brentq(over, 0.44, 0.47), brentq(over, 0.47, 0.5)
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10])
+@pytest.mark.parametrize("method", ["auto", "gauss", "radau", "explicit"])
+def test_a_limit_that_is_passed_and_left_inside_a_step_is_found(method, tolerance):
+    changes = {"solve.method": method, "solve.tolerance": tolerance}
+    run = hfsim.run(parsed(GRAZED), changes, error_estimate=False, diagnosis=False)
+    at = pytest.approx(grazed()[0], abs=1e-3 * tolerance**0.25)
+    assert run.statistics["releases"] == {"springs.s2": at}
+
+
+@pytest.mark.parametrize("method", ["gauss", "radau", "explicit"])
+def test_inside_a_fixed_step_it_counts_at_the_end(method):
+    first, last = grazed()
+    assert first > 0.45 and last < 0.5
+    changes = {"solve.method": method, "solve.step": 0.05}
+    run = hfsim.run(parsed(GRAZED), changes, error_estimate=False, diagnosis=False)
+    assert run.statistics["releases"] == {"springs.s2": pytest.approx(0.5)}
 
 
 def test_what_it_stored_is_lost_and_no_drift():
