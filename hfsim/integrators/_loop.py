@@ -94,6 +94,9 @@ class Stepping:
             self.stop = stop
             self._drop_unkept()
         if self.stop is not None or self._at_end:
+            if self.stop is None:
+                # what happens right there
+                self._problem.edges.keep(self.path.t_end, self.path.q, self.path.v)
             self._problem.turns.end()
         if len(self.path.segments) == made:
             raise StopIteration

@@ -70,6 +70,6 @@ class Latch(Event, Resistance):
         """Return how far its coordinate is beyond its place."""
         return np.asarray(ties[0].measured(t, x)[0] - self.place)
 
-    def happens_at_start(self, past: float, size: float) -> bool:
-        """Tell whether it holds where a motion starts: at its place."""
+    def happens_at_start(self, t: float, past: float, size: float, moving: bool) -> bool:
+        """Tell whether it holds: at its place."""
         return abs(past) <= NOISE * size

@@ -41,9 +41,13 @@ class Event:
         """Return the quantity, of the ties that it is about, shape (n_batch,)."""
         raise NotImplementedError
 
-    def happens_at_start(self, past: float, size: float) -> bool:
-        """Tell whether it has happened where a motion starts, with coordinates of a size."""
+    def happens_at_start(self, t: float, past: float, size: float, moving: bool) -> bool:
+        """Tell whether it has happened where a motion starts, or a scene stands; coordinates have a size."""
         raise NotImplementedError
+
+    def side_before(self, past: float) -> float:
+        """Return the sign of the quantity until it happens, from what it is at the start."""
+        return float(np.sign(past))
 
     def take(self, since: float, side: float, lost: float = 0.0) -> None:
         """Have it happen at a time, or not yet, with the quantity on a side."""
@@ -68,13 +72,24 @@ def events_of(forces: Iterable[Any]) -> list[tuple[Event, list[Any]]]:
     return list(found.values())
 
 
-def start(events: Iterable[tuple[Event, Sequence[Any]]], t: float, x: Array, u: Array) -> None:
-    """Begin to follow a motion, in one state (1, n_x); what happened later belonged to another one."""
-    size = float(np.abs(x).max(initial=0.0))
+def start(events: Iterable[tuple[Event, Sequence[Any]]], t: float, x: Array, u: Array | None = None) -> None:
+    """Begin to follow a motion, in one state (1, n_x); what happened later belonged to another one.
+
+    Without rates the scene stands: nothing is known of its motion then, and so of its forces.
+    """
+    size, moving = float(np.abs(x).max(initial=0.0)), u is not None
     for event, ties in events:
-        past = float(event.past(ties, np.array([t]), x, u)[0])
-        happened = event.since[0] <= t or event.happens_at_start(past, size)
-        event.take(*((min(float(event.since[0]), t), 0.0) if happened else (np.inf, float(np.sign(past)))))
+        past = float(event.past(ties, np.array([t]), x, 0.0 * x if u is None else u)[0])
+        happened = event.since[0] <= t or event.happens_at_start(t, past, size, moving)
+        since = min(float(event.since[0]), t) if happened else np.inf
+        event.take(since, 0.0 if happened else event.side_before(past))
+
+
+def stand(forces: Iterable[Any], t: float) -> None:
+    """Have what happens at a stated time happen in a scene that stands at a time [s]."""
+    for event, _ in events_of(forces):
+        if event.time <= t < event.since[0]:
+            event.take(event.time, 0.0)
 
 
 def lost(forces: Iterable[Any], t: Array) -> Array:

@@ -54,9 +54,13 @@ class Release(Event):
             least = np.minimum(least, one)
         return least
 
-    def happens_at_start(self, past: float, size: float) -> bool:
-        """Tell whether the time has come, or a limit is passed."""
-        return past <= 0.0
+    def happens_at_start(self, t: float, past: float, size: float, moving: bool) -> bool:
+        """Tell whether the time has come, or a limit is passed where a motion starts."""
+        return self.at <= t or (moving and past <= 0.0)
+
+    def side_before(self, past: float) -> float:
+        """Return that something is left."""
+        return 1.0
 
 
 @dataclass(frozen=True)

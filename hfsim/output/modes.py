@@ -78,7 +78,7 @@ def state_warnings(found: Modes) -> Iterator[str]:
     if found.about.state == "equilibrium":
         from hfsim.scene.equilibrium import one_of_many, passed
 
-        yield from passed(scene, found.about.motions.x[None])
+        yield from passed(scene, found.about.motions.x[None], found.about.t)
         if free:
             yield one_of_many(scene, scene.system.reduction.free_rates(np.array(free)))
     if found.uneven:

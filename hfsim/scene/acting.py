@@ -56,7 +56,7 @@ def acting(
     if any(part.events for part in found):
         from hfsim.mechanics.once import events_of, start
 
-        start(events_of(found), 0.0, x[None], 0.0 * x[None])
+        start(events_of(found), 0.0, x[None])
     return found
 
 

@@ -109,6 +109,10 @@ def problem_of(
         Whether what servos go to counts as moving, as in a steady rotation.
     """
     system, x = scene.system, scene.system.absolute(scene.q[None]) if x is None else x
+    if any(part.events for part in system.forces):
+        from hfsim.mechanics.once import stand
+
+        stand(system.forces, t)
     z = system.reduction.free(x)
     if bodies is not None:
         still = np.ones(system.n_x, dtype=bool)
@@ -271,13 +275,13 @@ def one_of_many(scene: Assembled, motions: Array) -> str:
     return f"one equilibrium of many, since nothing resists: {'; '.join(held_by_nothing(scene, motions))}"
 
 
-def doubts(scene: Assembled, found: Equilibrium, x: Array) -> Iterator[str]:
+def doubts(scene: Assembled, found: Equilibrium, x: Array, t: float = 0.0) -> Iterator[str]:
     """Yield what a user should know of an equilibrium, at coordinates (1, n_x), before trusting it."""
     if found.reason:
         return
     for item, what in undirected(scene.system, x[0]):
         yield f"{item} has {what}: neither frequencies, nor whether it is stable, are to be relied on"
-    yield from passed(scene, x)
+    yield from passed(scene, x, t)
     if not found.stable:
         time = 1.0 / float(np.sqrt(-found.values[0]))
         since = "" if found.crossed is None else f" from {found.crossed:.4g} of the loads on"
@@ -309,14 +313,14 @@ _PASSED = {
 }
 
 
-def passed(scene: Assembled, x: Array) -> Iterator[str]:
+def passed(scene: Assembled, x: Array, t: float) -> Iterator[str]:
     """Yield which latches are open, and which springs hold, though in a state (1, n_x) they would not."""
     forces = scene.system.forces
     if any(part.events for part in forces):
         from hfsim.mechanics.once import events_of
 
         for event, ties in events_of(forces):
-            if event.side[0] * event.past(ties, np.zeros(1), x, 0.0 * x)[0] < 0.0:
+            if event.side[0] * event.past(ties, np.array([t]), x, 0.0 * x)[0] < 0.0:
                 yield f"{event.item(ties)} {_PASSED[event.told]}"
 
 

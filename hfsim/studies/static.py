@@ -301,7 +301,7 @@ def facts_of(scene: Scene, samples: StaticSamples, found: Equilibrium) -> dict[s
         "assembly": scene.assembly.facts(),
         "validity": watch_validity(scene, samples.t, samples.q, samples.v),
         "warnings": [
-            *doubts(scene, found, samples.x), *singular_rest(scene, samples, found),
+            *doubts(scene, found, samples.x, float(samples.t[-1])), *singular_rest(scene, samples, found),
             *turned_drivers(scene, float(samples.t[-1])),
         ],
     }

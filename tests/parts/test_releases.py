@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from natively import both, native
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from solved import parsed
 
@@ -199,6 +200,87 @@ def test_rest_and_modes_are_those_with_it_and_overload_is_told():
     assert "springs.rope bears more at rest than it can" in told
     holding = hfsim.static(hung, {"springs.rope.release.force": 50}).statistics["warnings"]
     assert "springs.rope" not in "".join(holding)
+
+
+DAMPED = """
+hfsim: 1
+bodies: {cart: {type: rigid, mass: 1.0, inertia: 0.1}}
+springs:
+  rope: {type: two_point, between: [ground, cart], stiffness: 100, damping: 10, rest_length: 1,
+         release: {force: 15}}
+initial: {cart: {position: [1.2, 0.0], velocity: [-2.0, 0.0]}}
+solve: {duration: 0.5, tolerance: 1.0e-9}
+output: {interval: 0.05, channels: [cart.x, rope.force]}
+"""
+
+
+@pytest.mark.parametrize("method", ["auto", "gauss", "gear"])
+def test_the_force_at_the_start_is_that_of_the_motion(method):
+    """20 N of the spring less 20 N of the damper, and 11 N later on; without rates it would be too much."""
+    run = hfsim.run(parsed(DAMPED), {"solve.method": method, "solve.tolerance": 1e-7}, error_estimate=False)
+    assert run.statistics["releases"] == {"springs.rope": None}
+    rates = solve_ivp(
+        lambda t, y: [y[1], -100 * (y[0] - 1) - 10 * y[1]], (0, 0.5), [1.2, -2.0], rtol=1e-11, atol=1e-12
+    )
+    assert run["cart.x"][-1] == pytest.approx(rates.y[0, -1], abs=1e-4)
+    still = {"initial.cart.velocity": [0.0, 0.0], "solve.method": method}
+    run = hfsim.run(parsed(DAMPED), still, error_estimate=False)
+    assert run.statistics["releases"] == {"springs.rope": 0.0}
+    np.testing.assert_allclose(run["cart.x"], 1.2)
+
+
+HUNG = """
+hfsim: 1
+gravity: [0, -9.81]
+bodies: {m: {type: rigid, mass: 1.0, inertia: 0.1}}
+joints: {rail: {type: prismatic, between: [ground, m], axis: [0, 1]}}
+ground: {points: {top: [0, 1]}}
+springs:
+  a: {type: two_point, between: [ground.top, m], stiffness: 500, rest_length: 1.0, release: {force: 20}}
+  b: {type: two_point, between: [ground.top, m], stiffness: 100, rest_length: 1.0}
+initial: {rail: {distance: -0.2}}
+solve: {duration: 0.5}
+output: {channels: [m.y, a.force]}
+"""
+
+
+def test_what_starts_with_too_much_rests_and_vibrates_with_it():
+    deck, at = parsed(HUNG), -9.81 / 600.0
+    rest = hfsim.static(deck)
+    assert rest.final["m.y"] == pytest.approx(at) and not rest.statistics["warnings"]
+    assert max(hfsim.modes(deck).frequencies) == pytest.approx(np.sqrt(600.0) / (2 * np.pi))
+    run = hfsim.run(deck, {"initial.equilibrium": True}, error_estimate=False)
+    np.testing.assert_allclose(run["m.y"], at, atol=1e-9)
+    assert hfsim.run(deck, error_estimate=False).statistics["releases"] == {"springs.a": 0.0}
+    weak = {"springs.a.release.force": 5}
+    assert "springs.a bears more at rest" in "".join(hfsim.static(deck, weak).statistics["warnings"])
+
+
+@pytest.mark.parametrize(("at", "stiffness"), [(0.1, 600.0), (0.2, 100.0), (0.3, 100.0)])
+def test_at_a_later_time_it_rests_without_what_has_let_go_by_then(at, stiffness):
+    deck = {"springs.a.release": {"time": 0.2}, "initial.rail.distance": 0.0}
+    rest = hfsim.static(parsed(HUNG), deck, at=at)
+    assert rest.final["m.y"] == pytest.approx(-9.81 / stiffness)
+    assert max(hfsim.modes(parsed(HUNG), deck, at=at).frequencies) == pytest.approx(
+        np.sqrt(stiffness) / (2 * np.pi)
+    )
+
+
+def test_what_it_bears_at_rest_is_that_of_the_time():
+    winch = {"type": "constant_rate", "start": 1.0, "rate": -1.0}
+    deck = {"springs.a.rest_length": winch, "initial.rail.distance": 0.0}
+    for limit, told in ((12.0, True), (50.0, False)):
+        rest = hfsim.static(parsed(HUNG), {**deck, "springs.a.release.force": limit}, at=0.2)
+        assert rest.final["a.force"] == pytest.approx(-500 * ((9.81 + 400 + 100) / 600 - 0.8))
+        assert ("springs.a bears more at rest" in "".join(rest.statistics["warnings"])) is told
+
+
+@pytest.mark.parametrize("method", ["auto", "gauss", "radau", "gear"])
+def test_a_time_at_the_very_end_counts(method):
+    deck = {"springs.rope.release": {"time": 0.4}, "solve.duration": 0.4, "solve.method": method}
+    run = hfsim.run(parsed(CATCH), deck, error_estimate=False)
+    assert run.statistics["releases"] == {"springs.rope": 0.4} and run["rope.force"][-1] == 0.0
+    assert run.statistics["energy_drift"] < 1e-4
 
 
 def test_it_goes_along_where_models_change():
