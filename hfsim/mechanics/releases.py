@@ -26,7 +26,7 @@ class Release(Event):
     at : float
         The time [s].
     most : tuple of (str, float)
-        Units of the coordinates of its ties, and the largest effort along all that have one [N or N m].
+        Units of coordinates, and the largest force (m) or moment (rad) of all its ties together [N or N m].
     """
 
     told: ClassVar[str] = "releases"
@@ -45,10 +45,11 @@ class Release(Event):
     def past(self, ties: Sequence[Any], t: Array, x: Array, u: Array) -> Array:
         """Return the least of the time that is left [s], and of the share of each limit that is."""
         left = [self.at - t] if np.isfinite(self.at) else []
+        exerted = [tie.exerted(t, x, u) for tie in ties] if self.most else []
         for unit, most in self.most:
-            efforts = [tie.effort(t, x, u) for tie in ties if tie.unit == unit]
-            square = sum((one * one for one in efforts[1:]), efforts[0] * efforts[0]) if efforts else 0.0 * t
-            left.append(1.0 - np.sqrt(square) / most)
+            first, *others = (one[unit] for one in exerted if unit in one)
+            whole = sum(others, first)
+            left.append(1.0 - np.sqrt((whole * whole).sum(axis=1)) / most)
         least = left[0]
         for one in left[1:]:
             least = np.minimum(least, one)

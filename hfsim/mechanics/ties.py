@@ -157,6 +157,10 @@ class Tie(PointPart):
         """Return what all resistances put into both bodies [W], shape (n_batch,)."""
         return self.effort(t, x, u) * self.rate(t, x, u)
 
+    def exerted(self, t: Array, x: Array, u: Array) -> dict[str, Array]:
+        """Return what it does to the second end, (n_batch, n), by its unit over that of an effort: m, rad."""
+        return {self.unit: self.effort(t, x, u)[:, None]}
+
     def _all(self, t: Array, x: Array, u: Array) -> tuple[Array, Array, list[Array]]:
         """Return the coordinate, its rate where that counts, and its derivatives."""
         s, rows = self.measured(t, x)
@@ -353,6 +357,10 @@ class GapTie(Tie):
         """Return the force [N], (n_batch, n_dim), and moment [N m], (n_batch, n_spin), on the second body."""
         s, w, _ = self._all(t, x, u)
         return self.measure.reaction(x, self._sum(t, s, w)[:, None])
+
+    def exerted(self, t: Array, x: Array, u: Array) -> dict[str, Array]:
+        """Return the force and the moment: several turns together are about axes that lean on one another."""
+        return dict(zip(("m", "rad"), self.reaction(t, x, u), strict=True))
 
     def _curved(self, x: Array, force: Array, slope: Array) -> Entries:
         return self.measure.stiffness(x, force[:, None])

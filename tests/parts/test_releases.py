@@ -186,6 +186,39 @@ def test_the_limit_is_that_of_the_whole_force():
     assert run.statistics["releases"]["springs.clamp"] == pytest.approx(at, abs=2e-5)
 
 
+TURNED = """
+hfsim: 1
+gravity: [0, 0, 0]
+bodies: {b: {type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1]}}
+springs:
+  s: {type: bushing, between: [ground, b], stiffness: 100, rotational_stiffness: 5, release: {moment: 7}}
+initial:
+  b: {orientation: {rotation_vector: [0.6, 0.6, 0]}, angular_velocity: [5, 5, 0], position: [0, 0, 0]}
+solve: {duration: 0.3, tolerance: 1.0e-9}
+output: {interval: 0.01, channels: [s.moment_x, s.moment_y, s.moment_z]}
+"""
+
+
+@pytest.mark.parametrize("size", [0.1, 0.6, 0.9])
+def test_the_limit_of_the_moment_is_that_of_all_turns_together(size):
+    """A turn by a about the mean of two axes: its twists are 2 arctan(tan(a / 2) / sqrt(2))."""
+
+    def moment(a):
+        lean = np.tan(0.5 * a) / np.sqrt(2.0)
+        return 5.0 * 4.0 * np.arctan(lean) * (1.0 + 2.0 * lean**2) / (1.0 + lean**2) / np.sqrt(2.0)
+
+    def there(t, y):
+        return moment(y[0]) - limit
+
+    there.terminal, limit = True, float(moment(np.sqrt(2.0) * (size + 0.1)))
+    begin = np.sqrt(2.0) * np.array([size, 5.0])
+    exact = {"rtol": 1e-11, "atol": 1e-12, "events": there}
+    at = solve_ivp(lambda t, y: [y[1], -moment(y[0]) / 0.1], (0.0, 0.3), begin, **exact).t[-1]
+    turn = {"initial.b.orientation.rotation_vector": [size, size, 0]}
+    run = hfsim.run(parsed(TURNED), turn | {"springs.s.release.moment": limit}, error_estimate=False)
+    assert at < 0.1 and run.statistics["releases"] == {"springs.s": pytest.approx(at, abs=1e-6)}
+
+
 def test_rest_and_modes_are_those_with_it_and_overload_is_told():
     with_it = hfsim.modes(parsed(CATCH)).frequencies
     assert max(with_it) == pytest.approx(np.sqrt(50 / 2.0) / (2 * np.pi))
