@@ -3,11 +3,17 @@
 from collections.abc import Iterator
 from typing import ClassVar
 
+import numpy as np
+
 from hfsim.deck.laws import Law, ShiftedLaw
 from hfsim.deck.spec import Around, Complaint, Spec
 
 _STILL = 1e-9
 """Rate, over one more than the acceleration, that counts as none."""
+_TIMES = 2000
+"""Times of a run, and of an oscillation, at which a law is looked at."""
+_ROUNDING = 1e-9
+"""Value below zero, over the largest, that counts as none."""
 
 
 class LawSpec(Spec):
@@ -53,6 +59,19 @@ class LawSpec(Spec):
     def trouble(self, duration: float) -> str:
         """Return why it cannot drive a body for so long, though its rate does not jump."""
         return ""
+
+    def below_zero(self, around: Around) -> str:
+        """Return how far it is below zero where it is most, and when; empty if it never is in the run."""
+        if around.duration is None or any(self.complaints_in(around)):
+            return ""  # beyond its end a table has no values
+        law, end = self.build(), around.duration
+        spans = np.array([end, min(end, law.period(0.0, end, end))])
+        breaks = np.clip(law.breaks(0, end), 0.0, end)
+        times = np.concatenate([np.linspace(0.0, spans, _TIMES).ravel(), breaks])
+        values = law.value(times)
+        worst = int(values.argmin())
+        below = values[worst] < -_ROUNDING * np.abs(values).max()
+        return f"is {values[worst]:.3g} at {times[worst]:.4g} s" if below else ""
 
     def build(self) -> Law:
         """Return the law."""

@@ -36,7 +36,7 @@ class TableSpec(LawSpec):
     """Values there [SI of what the law drives]."""
 
     interpolation: Literal["cubic", "linear"] = "cubic"
-    """Between the points; linear for loads only."""
+    """Between the points; linear where rates may jump, which those of drivers and motions may not."""
 
     periodic: Flag = False
     """Whether the points are one period, which repeats at all times: the last value is the first one."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
-
 from hfsim.deck.fields import (
     Angle,
     Damping,
@@ -31,11 +29,6 @@ from hfsim.mechanics.friction import Friction
 from hfsim.mechanics.latches import Latch
 from hfsim.mechanics.resistances import Stop
 
-_TIMES = 2000
-"""Times of a run, and of an oscillation, at which a law is looked at."""
-_ROUNDING = 1e-9
-"""Negative factor, over the largest, that counts as none."""
-
 
 class FrictionSpec(Spec):
     """Coulomb friction."""
@@ -46,17 +39,8 @@ class FrictionSpec(Spec):
     def complaints_in(self, around: Around) -> Iterator[Complaint]:
         """Yield a factor that becomes negative, so that friction would drive."""
         yield from super().complaints_in(around)
-        if self.law is None or around.duration is None or any(self.law.complaints_in(around)):
-            return  # beyond its end a table has no values
-        law, end = self.law.build(), around.duration
-        spans = np.array([end, min(end, law.period(0.0, end, end))])
-        breaks = np.clip(law.breaks(0, end), 0.0, end)
-        times = np.concatenate([np.linspace(0.0, spans, _TIMES).ravel(), breaks])
-        values = law.value(times)
-        if values.min() < -_ROUNDING * np.abs(values).max():
-            worst = int(values.argmin())
-            what = f"is {values[worst]:.3g} at {times[worst]:.4g} s, and friction never drives"
-            yield Complaint(("law",), what, "at least 0 at all times")
+        if self.law is not None and (told := self.law.below_zero(around)):
+            yield Complaint(("law",), f"{told}, and friction never drives", "at least 0 at all times")
 
     @property
     def factor(self) -> Law | None:

@@ -88,6 +88,11 @@ def test_it_is_recorded_and_may_let_go(text, monkeypatch):
         ("rest_length: -1", "springs.ram.rest_length: must be at least 0, not -1"),
         (f"rest_length: {LAW}, table: [[0, 0], [1, 2]]", "that moves takes a stiffness, no table"),
         ("rest_length: 3 s", "springs.ram.rest_length: "),
+        (
+            "rest_length: {type: constant_rate, start: 5, rate: -2}",
+            "springs.ram.rest_length: is -1 at 3 s, and no length is negative (at least 0 at all times)",
+        ),
+        ("rest_length: {type: sine, amplitude: 2, frequency: 0.5, offset: 0.2}", "is -1.8 at 1.5 s, and no"),
     ],
 )
 def test_what_is_wrong_is_told(entry, told):
@@ -97,6 +102,14 @@ def test_what_is_wrong_is_told(entry, told):
     with pytest.raises(DeckError) as error:
         build(parsed(text))
     assert told in str(error.value)
+
+
+@pytest.mark.parametrize("more", ["", ", release: {time: 2.4}"])
+def test_a_length_that_is_never_negative_while_it_counts_is_taken(more):
+    law = "{times: [0, 1, 3], values: [5, 4, 0], interpolation: linear}" if not more else (
+        "{type: constant_rate, start: 5, rate: -2}"
+    )
+    build(parsed(RAIL.replace(f"rest_length: {LAW}", f"rest_length: {law}{more}")))
 
 
 def test_a_length_stays_what_it_is_where_decks_are_resolved():

@@ -8,7 +8,7 @@ import numpy as np
 
 from hfsim.deck.fields import Between, Force, Stiffness, table_of
 from hfsim.deck.law_specs import PositionLaw
-from hfsim.deck.spec import Complaint
+from hfsim.deck.spec import Around, Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.ties import DistanceTie
@@ -54,6 +54,16 @@ class TwoPointSpec(SlidingResistanceSpec, CoordinateSpringSpec):
             yield Complaint(("rest_length",), f"must be at least 0, not {rest:g}")
         elif rest is None and self.rest_length is not None and self.table is not None:
             yield Complaint(("table",), "a rest length that moves takes a stiffness, no table", on_key=True)
+
+    def complaints_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield a rest length that becomes negative before the spring lets go, if it does."""
+        yield from super().complaints_in(around)
+        if self.rest_length is None or self.rest_length.constant is not None:
+            return
+        if around.duration is not None and self.release is not None and self.release.time is not None:
+            around = around._replace(duration=min(around.duration, self.release.time))
+        if told := self.rest_length.below_zero(around):
+            yield Complaint(("rest_length",), f"{told}, and no length is negative", "at least 0 at all times")
 
     def build(self, first: Marker, second: Marker, start: Array) -> DistanceTie:
         """Return the force between two markers of a scene with coordinates (n,) at the start."""
