@@ -10,7 +10,7 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.maths.traced import live
 from hfsim.mechanics.counting import Step
-from hfsim.mechanics.edges import Crossings, passed
+from hfsim.mechanics.crossings import Crossings, passed
 from hfsim.mechanics.once import Event, events_of, start
 from hfsim.mechanics.projection import Through
 from hfsim.mechanics.system import System
