@@ -68,7 +68,7 @@ class Stepping:
         self._pace = Pace(start[0], t_end)
         self._stepper: Stepper | None = None
         self._wish, self._reach, self._period, self._behind_break = 0.0, 0.0, inf, False
-        self._stretch = start[0], start[0]
+        self._stretch, self._break = (start[0], start[0]), start[0]
         problem.count_on(len(start[1]), start[0], t_end)
         self._kept = self._memories()
 
@@ -200,6 +200,7 @@ class Stepping:
             return False
         self._wish = ahead.state.wish
         stop = keep_all(ahead, path, self._problem, self._pace, self._watch)
+        path.t_end = self._break if path.t_end == end else path.t_end
         if isinstance(stop, SolverFailure):
             self._remember_again(stepper, len(path.segments) - before)
         elif len(ahead.rows):
@@ -259,7 +260,9 @@ class Stepping:
         return stepper
 
     def _go_into(self, begin: int, end: int) -> None:
-        self._stretch = float(self._breaks[begin]), float(self._breaks[end])
+        self._break, last = float(self._breaks[end]), end == len(self._breaks) - 1
+        # what jumps at a break is of the next stretch: the last stage of a step up to it sees what was before
+        self._stretch = float(self._breaks[begin]), self._break - (0.0 if last else SAME_TIME * self._t_end)
         self._period, self._pace.t_end = self._problem.period(*self._stretch), self._stretch[1]
 
     def _restarted(self) -> Stepper:
@@ -320,7 +323,7 @@ class Stepping:
 
     def _keep(self, stepper: Stepper, attempt: Attempt, tried: Segment) -> None:
         path, h, end = self.path, tried.h, self._stretch[1]
-        t = end if h == end - path.t_end else path.t_end + h
+        t = self._break if h == end - path.t_end else path.t_end + h
         self._name(stepper)
         stepper.accept(t, attempt.q, attempt.v)
         self._problem.counts.steps += 1

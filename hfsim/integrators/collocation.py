@@ -175,6 +175,10 @@ class CollocationStepper(Stepper):
         self._cap *= REGROWTH
         self._known_at, self._known = (t, self._last) if self._at_end else UNKNOWN
 
+    def cross(self) -> None:
+        """Find the accelerations behind a break anew: they may have jumped."""
+        self._known_at, self._known = UNKNOWN
+
     def memory(self) -> dict[str, Any]:
         """Return where the derivative was taken, how it serves, and the accelerations known at the end."""
         return super().memory() | {"taken": self._derivative.taken, "ways": self._derivative.ways}
@@ -198,9 +202,7 @@ class CollocationStepper(Stepper):
         most = next(most for count, most in self.growths if self._iterations <= count)
         return factor(error, self.table.stages, np.inf if error > 1.0 else min(most, self._cap / h))
 
-    def ahead(
-        self, t: float, q: Array, v: Array, h: float, end: float, room: int
-    ) -> Ahead | None:
+    def ahead(self, t: float, q: Array, v: Array, h: float, end: float, room: int) -> Ahead | None:
         """Make ordinary steps natively, and one more attempt, of which `attempt` then tells."""
         problem, place = self._problem, Place(t, q, v, fitted(h, end - t))
         if self._old:

@@ -6,7 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from integrators.test_integrators import FIXED, FREE, problem_of, run
+from solved import parsed
 
+import hfsim
 from hfsim.deck.law_specs import LAWS
 from hfsim.deck.laws import SineLaw, SplineLaw, StepLaw
 from hfsim.integrators import METHODS
@@ -221,3 +223,40 @@ solve: {{duration: 1.0}}
 """
     done = run_integration(scene := build(parse_deck(deck)), scene.deck.solve)
     assert done.stop is None and done.problem.counts.steps < most
+
+
+PULLED = """
+hfsim: 1
+bodies: {c: {type: rigid, mass: 2.0, inertia: 0.1}}
+joints: {r: {type: prismatic, between: [ground, c]}}
+springs:
+  w:
+    type: two_point
+    between: [ground, c]
+    stiffness: 80
+    damping: 30
+    rest_length: {expression: "1.2 - 2 * max(t - 0.7, 0)"}
+initial: {c: {position: [1.2, 0.0]}}
+solve: {duration: 1.0, step: 0.02}
+output: {channels: [c.x]}
+"""
+
+
+@pytest.mark.parametrize(
+    ("method", "order"),
+    [("gauss", 0), ("radau", 0), ("energy", 0), ("explicit", 0), ("gear", 3), ("generalized_alpha", 2)],
+)
+def test_a_step_up_to_a_break_sees_what_is_before_it(method, order):
+    """A damped rest length whose rate jumps at 0.7 s: the order is the method's; 0: no error is left."""
+    rates = np.roots([2.0, 30.0, 80.0])  # of the stretch, which is zero then, and grows by 2 m/s
+    begin = np.linalg.solve([[1.0, 1.0], rates], [0.0, 2.0])
+    right = 1.2 - 2.0 * 0.3 + float(begin @ np.exp(0.3 * rates))
+    errors = []
+    for step in (0.02, 0.01):
+        change = {"solve.method": method, "solve.step": step}
+        found = hfsim.run(parsed(PULLED), change, error_estimate=False, diagnosis=False)
+        errors.append(abs(found["c.x"][-1] - right))
+    if order:
+        assert errors[1] < errors[0] / 2.0 ** (order - 0.3)
+    else:
+        assert max(errors) < 1e-11
