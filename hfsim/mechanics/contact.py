@@ -152,6 +152,10 @@ class ContactTie(Tie):
         force = self.effort(t, x, u)[:, None] * up + self.friction(t, x, u)
         return force, lever(down, force)
 
+    def exerted(self, t: Array, x: Array, u: Array) -> dict[str, Array]:
+        """Return the whole force."""
+        return {self.unit: self.reaction(t, x, u)[0]}
+
     def _by(self, moved: Callable[[Array], tuple[Array, Array]], t: Array, at: Array) -> Entries:
         """Return minus the derivative of the friction by x or u, of which a function makes both."""
         if not self.coefficient:

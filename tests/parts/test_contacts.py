@@ -234,6 +234,10 @@ def test_a_floor_may_open_and_what_starts_in_it_is_told():
     falls = np.maximum(found.t - 0.2, 0.0)
     np.testing.assert_allclose(found["ball.y"], start["position"][1] - 0.5 * 9.81 * falls**2, atol=1e-6)
     assert found.statistics["releases"] == {"springs.floor": pytest.approx(0.2)}
+    slides, weight = start | {"velocity": [1.0, 0.0]}, MASS * 9.81
+    for share, opens in ((1.02, True), (1.05, False)):  # it bears sqrt(1 + 0.3^2) of the weight
+        found = run(ball(2, slides, [0, -9.81], {"release": {"force": share * weight}}, duration=0.05))
+        assert (found.statistics["releases"]["springs.floor"] is not None) == opens
     deep = run(ball(2, {"position": [0.0, 0.04]}, [0, -9.81], duration=0.01))
     assert any("springs.floor" in one and "0.01 m beyond" in one for one in deep.statistics["warnings"])
 
