@@ -24,6 +24,8 @@ from hfsim.trust.experiments import DENSE
 UNSTABLE = 30.0
 """Factor by which a tiny disturbance grows while the time doubles, from which a scene is unstable: growth
 that is no more than a power of time (drifting apart at constant speed: 2) stays far below."""
+QUARTERS = 4
+"""Parts of such a time; the one of most growth leaves a share of the logarithm of growth that goes on."""
 KICK = 1e2
 """Size of that disturbance over the tolerance it is solved with, relative to the largest speed of the motion:
 what grows must not be the error of the integration."""
@@ -181,6 +183,8 @@ def _slow_direction(scene: Scene, done: Integration) -> Array:
 def growth_of(times: Array, distance: Array) -> Growth:
     """Return the largest growth of a distance while the time doubles.
 
+    What grows at once, as by an impact, counts as the square of what the rest of that time makes of it.
+
     Parameters
     ----------
     times, distance : ndarray, shape (n,)
@@ -191,12 +195,16 @@ def growth_of(times: Array, distance: Array) -> Growth:
     >>> t = np.linspace(0.0, 8.0, 801)
     >>> round(growth_of(t, t).factor, 3), round(growth_of(t, np.exp(t) - 1.0).factor)
     (2.0, 56)
+    >>> growth_of(t, np.where(t < 3.0, 1.0, 1e4)).factor
+    1.0
     """
     most = np.maximum.accumulate(distance)
     at = np.linspace(0, len(distance) - 1, WINDOWS + 1).astype(int)
     best = Growth(1.0, 0.0)
     for early, late in ((at[k], at[2 * k]) for k in range(1, WINDOWS // 2 + 1)):
-        factor = float(most[late] / most[early]) if most[early] > 0.0 else 1.0
+        parts = most[np.linspace(early, late, QUARTERS + 1).astype(int)]
+        grown = parts[1:] / parts[:-1] if most[early] > 0.0 else np.ones(QUARTERS)
+        factor = float(min(grown.prod(), (grown.prod() / grown.max()) ** 2))
         if factor > best.factor:
             best = Growth(factor, float(np.log(factor) / (times[late] - times[early])))
     return best

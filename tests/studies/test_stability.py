@@ -293,6 +293,7 @@ def test_drifting_apart_is_no_instability():
     t = np.linspace(0.0, 1.0, 201)
     assert growth_of(t, t**2).factor == pytest.approx(4.0, rel=0.05)
     assert growth_of(t, np.abs(np.sin(40.0 * t)) * t).factor < 3.0
+    assert growth_of(t, np.where(t < 0.4, 1e-3, 1e-3 + 10.0 * (t - 0.4))).factor < UNSTABLE  # one impact
     growing = growth_of(t, np.sinh(15.0 * t))
     assert growing.unstable and growing.factor > UNSTABLE
     assert growing.rate == pytest.approx(15.0, rel=0.1)

@@ -16,7 +16,7 @@ from hfsim.deck.fields import (
     PositiveStiffness,
     PositiveVelocity,
 )
-from hfsim.deck.spec import Complaint, Spec, entry_of
+from hfsim.deck.spec import Around, Complaint, Spec, entry_of
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.contact import ContactTie
 from hfsim.mechanics.markers import Marker
@@ -40,7 +40,6 @@ class ContactSpec(SpringSpec):
     """
 
     vectors = ("normal", "axis")
-    spatial = ("axis",)
     carries = True
     measures = (("m", ""),)
     limits = ("force",)
@@ -79,6 +78,12 @@ class ContactSpec(SpringSpec):
         """Yield a wheel without a size."""
         if self.axis is not None and not self.radius:
             yield Complaint(("radius",), "missing key", "the radius of the wheel", True)
+
+    def complaints_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield an axis in the plane, where a wheel is what a ball is."""
+        yield from super().complaints_in(around)
+        if self.axis is not None and around.n_dim == 2:
+            yield Complaint(("axis",), "in the plane a wheel needs no axis", "remove this key", True)
 
     @property
     def framed(self) -> tuple[str, ...]:
