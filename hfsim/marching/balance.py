@@ -14,6 +14,7 @@ from hfsim.marching.replaying import Replaying
 from hfsim.marching.rounding import ROUNDING
 from hfsim.maths.arrays import Array, random_signs, slices
 from hfsim.maths.shapes import gauss_legendre
+from hfsim.mechanics.projection import Projection
 from hfsim.mechanics.system import System
 from hfsim.scene.build import Scene
 
@@ -172,7 +173,7 @@ class Balance:
         work = sums[_Sum.WORK] + _work(self._scene, steps)
         for part in slices(len(steps.t), MAX_STATES):
             t, q, v = steps.t[part], steps.q[part], steps.v[part]
-            x, u = system.absolute(q), system.absolute_velocity(q, v)
+            x, u = _absolute(system, q, v)
             energies = energies_of(system, t, x, u)
             total = energies.sum(axis=0)
             sizes = np.abs(x).max(axis=1)
@@ -260,7 +261,7 @@ def _inside(system: System, steps: StepSamples, far: float) -> tuple[float, floa
         return 0.0, 0.0
     chosen = slice(None, None, 1 + count // LOOKED_INTO)
     t, q, v = steps.inside(chosen, steps.shares[:: len(steps.shares) // 4].copy())
-    x, u = system.absolute(q), system.absolute_velocity(q, v)
+    x, u = _absolute(system, q, v)
     near = np.abs(x).max(axis=1, initial=0.0) < far
     return float(system.kinetic_energy(x, u).max()), _work_on_rounding(system, t[near], x[near])
 
@@ -278,31 +279,31 @@ def _work_on_rounding(system: System, t: Array, x: Array) -> float:
 def _work(scene: Scene, steps: StepSamples) -> Array:
     """Return the work put in by loads, drivers and dampers up to each step end, shape (n_steps + 1,).
 
-    It is not a number where the equations are singular.
+    It is not a number where the equations are singular.  Where joints are driven, rates inside steps
+    are moved onto them: off by little they falsify the power by as much.  Positions stay where they are:
+    moved, they would stretch what is stiff, and the drivers would seem to work on that.
     """
     system = scene.system
     lost = _lost(system, steps.t)
     if not system.exchanges_power:
         return -lost
     mean, points = np.zeros(len(steps.t) - 1), len(steps.shares)
-    replaying = Replaying(scene.recordings, points, len(mean), system.n)
-    project = partial(system.project, through=replaying.through)
-
-    def solve(*given: Array) -> tuple[Array, Array]:
-        name = f"reactions of {len(given[0])} states"
-        found: tuple[Array, Array] = replaying.through(name, system.equations.solve, given)
-        return found
-
+    over = Replaying(scene.recordings, points, len(mean), system.n).over
+    solve = partial(over, "reactions", system.equations.solve)
+    steadied = partial(over, "rates on joints", Projection(system).steadied)
     for part in slices(len(mean), MAX_STATES // points):
         t, q, v = steps.inside(part, steps.shares)
-        q, v = replaying.over(project, t, q, v)
-        x, u = system.absolute(q), system.absolute_velocity(q, v)
         try:
-            power = system.power(t, x, u, partial(replaying.over, solve))
-            mean[part] = power.reshape(-1, points) @ steps.weights
+            x, u = steadied(t, q, v) if system.driven else _absolute(system, q, v)
+            power = system.power(t, x, u, solve)
         except np.linalg.LinAlgError:
             return np.full(len(steps.t), np.nan)
+        mean[part] = power.reshape(-1, points) @ steps.weights
     return np.concatenate([[0.0], np.cumsum(mean * np.diff(steps.t))]) - lost
+
+
+def _absolute(system: System, q: Array, v: Array) -> tuple[Array, Array]:
+    return system.absolute(q), system.absolute_velocity(q, v)
 
 
 def _lost(system: System, t: Array) -> Array:

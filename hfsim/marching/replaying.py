@@ -9,7 +9,6 @@ import numpy as np
 
 from hfsim.integrators import Recordings
 from hfsim.maths.arrays import Array
-from hfsim.mechanics.projection import Through, Weakly, directly
 
 
 class Replaying:
@@ -32,26 +31,22 @@ class Replaying:
         self._recordings, self._size = recordings, size
         self._native = recordings.pay(calls, n)
 
-    @property
-    def through(self) -> Through:
-        """What functions of so many states are called through, by their names."""
-        # recordings keep what they are made of, and this keeps them
-        return Weakly(self._called) if self._native else directly
-
-    def _called(self, name: str, function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
-        if not self._native:
-            return function(*given)
-        found = self._recordings.replayed(name, function)
-        result = found(*given)
-        self._native = found.refused is None
-        return result
-
-    def over(self, function: Callable[..., tuple[Array, Array]], *given: Array) -> tuple[Array, Array]:
-        """Return both results of a function of states, whose own functions are called through this."""
+    def over(
+        self, name: str, function: Callable[..., tuple[Array, Array]], *given: Array
+    ) -> tuple[Array, Array]:
+        """Return both results of a function of states, which has a name of its own."""
         done, count, found = 0, len(given[0]), list[tuple[Array, Array]]()
         while done < count:
             part = slice(done, done + self._size if self._native else count)
-            found.append(function(*(one[part] for one in given)))
+            found.append(self._called(name, function, [one[part] for one in given]))
             done = part.stop
         one, other = (np.concatenate(parts) for parts in zip(*found, strict=True))
         return one, other
+
+    def _called(self, name: str, function: Callable[..., Any], given: list[Array]) -> Any:
+        if not self._native:
+            return function(*given)
+        found = self._recordings.replayed(f"{name} of {len(given[0])} states", function)
+        result = found(*given)
+        self._native = found.refused is None
+        return result

@@ -143,6 +143,11 @@ class Projection:
         """Return the state of absolute coordinates near q and of rates with a drift corrected."""
         return self.system.state(x, u - self._correction(x, drift, solve), q)
 
+    def steadied(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return absolute coordinates as they are, and rates moved onto the joints there."""
+        x, u, _, _, drift, _ = self.seen(t, q, v)
+        return x, u - self._correction(x, drift, None)
+
     def _gap(self, t: Array, x: Array) -> tuple[Array, Array]:
         """Return Phi, and the largest over the size of what its row compares."""
         phi = self.system.equations.phi

@@ -158,8 +158,12 @@ class System:
     @cached_property
     def exchanges_power(self) -> bool:
         """Whether energy can enter or leave by loads, dampers, drivers; or power is computed all the same."""
-        exchanged = any(f.exchanges_power for f in self.forces) or any(c.driven for c in self.constraints)
-        return exchanged or self.keeps_work
+        return any(f.exchanges_power for f in self.forces) or self.driven or self.keeps_work
+
+    @cached_property
+    def driven(self) -> bool:
+        """Whether laws of time move joints."""
+        return any(c.driven for c in self.constraints)
 
     @property
     def _laws(self) -> Iterator[tuple[Law, int]]:
@@ -203,7 +207,7 @@ class System:
         What solves the equations of motion may be stated; see `Equations.solve`.
         """
         power = np.asarray(sum((f.power(t, x, u) for f in self.forces), np.zeros(len(x))))
-        if any(c.driven for c in self.constraints):
+        if self.driven:
             multipliers = (solve or self.equations.solve)(t, x, u, self.force(t, x, u))[1]
             power += np.sum(multipliers * self.equations.phi.rate(t), axis=-1)
         return power
@@ -364,9 +368,7 @@ class System:
 
     # ------------------------------------------------------------------ projection
 
-    def project(
-        self, t: Array, q: Array, v: Array, strict: bool = False, through: Through = directly
-    ) -> tuple[Array, Array]:
+    def project(self, t: Array, q: Array, v: Array, strict: bool = False) -> tuple[Array, Array]:
         """Move states onto the constraints, at position and velocity level, in the metric of the mass.
 
         Parameters
@@ -375,8 +377,6 @@ class System:
         q, v : ndarray, shape (n_batch, n)
         strict : bool
             Refuse states near which the joints cannot be closed, instead of returning what was reached.
-        through : callable
-            What the functions of a `Projection` are called through.
 
         Raises
         ------
@@ -385,4 +385,4 @@ class System:
         """
         if not self.equations.constraints:
             return q, v
-        return Projection(self, through)(t, q, v, strict)
+        return Projection(self)(t, q, v, strict)

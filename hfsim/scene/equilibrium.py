@@ -181,7 +181,7 @@ def standing(system: System, moving: bool = False) -> System:
     Their accelerations would load joints, and so add to the stiffness.
     """
     forces = system.forces if moving else tuple(map(_standing, system.forces))
-    if not any(one.driven for one in system.constraints):
+    if not system.driven:
         return replace(system, forces=forces)
     constraints = tuple(map(_halted, system.constraints))
     return replace(system, forces=forces, equations=replace(system.equations, all_constraints=constraints))
