@@ -8,7 +8,7 @@ that does not come from the accelerations; the rest is common.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
@@ -194,6 +194,10 @@ class Constraint:
     def jacobians(self, x: Array) -> tuple[Array, ...]:
         """Return Phi_x by the coordinates of the body at each end."""
         return tuple(self.jacobian(end, x) for end in range(len(self.ends)))
+
+    def measured(self, x: Array, ends: Sequence[int]) -> tuple[Array, list[Array]]:
+        """Return phi, and Phi_x by the coordinates of the bodies at some ends."""
+        return self.gap(x), [self.jacobian(end, x) for end in ends]
 
     def bias(self, x: Array, u: Array) -> Array:
         """Return the second time derivative of phi at zero accelerations, shape (n_batch, rows)."""

@@ -49,6 +49,7 @@ class GradientMarker(VectorMarker):
     order: Array
     own: Array = field(default_factory=lambda: np.eye(3))
     n_axes: ClassVar[int] = 3
+    alike: ClassVar[bool] = False
 
     @property
     def section(self) -> Array:

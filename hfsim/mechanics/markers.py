@@ -33,6 +33,8 @@ class Marker:
         How many of its own axes it has: one where it is on a line without sections in space.
     nodal : bool
         Whether the coordinates of its body are nodal vectors.
+    alike : bool
+        Whether `axis` of a sum of vectors, be they complex, is the sum of theirs.
     linear_turn, keeps_turns : bool
         Whether its turn is a linear function of the coordinates; whether the angle counts full turns.
     lead : float
@@ -47,6 +49,7 @@ class Marker:
     n_spin: ClassVar[int] = 1
     n_axes: ClassVar[int] = 2
     nodal: ClassVar[bool] = False
+    alike: ClassVar[bool] = True
     linear_turn: ClassVar[bool] = True
     keeps_turns: ClassVar[bool] = True
     lead: ClassVar[float] = 0.0
@@ -229,7 +232,7 @@ class GroundMarker(Marker):
 
     def turned(self, x: Array, a: Array) -> Array:
         """Return the fixed vectors."""
-        own = np.asarray(a, dtype=float)
+        own = np.asarray(a)
         fixed = own @ self._axes if self.n_dim == 3 else self.pose.turned(own)
         return np.repeat(fixed[None], len(x), axis=0)
 

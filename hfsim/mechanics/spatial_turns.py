@@ -9,7 +9,7 @@ of the plane.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
@@ -165,8 +165,10 @@ class TurnAbout(OfAxes):
 
     def _sum(self, end: int, of: Callable[[Marker, Array], Array]) -> ComplexArray:
         """Return n or o, or what each end's marker says of its axes instead."""
-        parts = (factor * of(self.ends[end], np.array(own)) for factor, own in self._axes[end])
-        return np.asarray(sum(parts))
+        marker, (factors, axes) = self.ends[end], map(np.array, zip(*self._axes[end], strict=True))
+        if marker.alike:
+            return np.asarray(of(marker, factors @ axes))
+        return np.asarray(sum(factor * of(marker, own) for factor, own in zip(factors, axes, strict=True)))
 
     def _both(self, x: Array) -> tuple[ComplexArray, ComplexArray]:
         """Return n and o, shape (n_batch, 3)."""
@@ -194,7 +196,16 @@ class TurnAbout(OfAxes):
     def jacobian(self, end: int, x: Array) -> Array:
         """Return Im dz / z."""
         *both, over = self._over(x)
-        return np.imag((both[1 - end] * over)[:, None] @ self._slope(end, x))
+        return self._by(end, x, both[1 - end] * over)
+
+    def measured(self, x: Array, ends: Sequence[int]) -> tuple[Array, list[Array]]:
+        """Return the angle, and Im dz / z by some ends, of axes that are computed once."""
+        *both, over = self._over(x)
+        return np.angle(dot(*both)), [self._by(end, x, both[1 - end] * over) for end in ends]
+
+    def _by(self, end: int, x: Array, other: ComplexArray) -> Array:
+        """Return Im dz / z by one end, of the other end's n or o over z."""
+        return np.imag(other[:, None] @ self._slope(end, x))
 
     def bias(self, x: Array, u: Array) -> Array:
         """Return the angle's second derivative without accelerations, Im (z'' / z - (z' / z)^2)."""

@@ -337,17 +337,16 @@ class GapTie(Tie):
 
     def spin(self, x: Array, u: Array) -> Array:
         """Return the rate of that."""
-        return self._rate(self._rows(x), u)
+        return self._rate(self._seen(x)[1], u)
 
-    def _rows(self, x: Array) -> list[Array]:
-        return [self.measure.jacobian(end, x)[:, 0] for end, _ in self._ends]
+    def _seen(self, x: Array) -> tuple[Array, list[Array]]:
+        gaps, slopes = self.measure.measured(x, [end for end, _ in self._ends])
+        return gaps[:, 0], [J[:, 0] for J in slopes]
 
     def measured(self, t: Array, x: Array) -> tuple[Array, list[Array]]:
         """Return the gap, with all its turns."""
-        gap = self.angle(x)
-        if self.counter is not None:
-            gap = self.counter.counted(t, gap)
-        return gap, self._rows(x)
+        gap, rows = self._seen(x)
+        return gap if self.counter is None else self.counter.counted(t, gap), rows
 
     def unit_effort(self, x: Array) -> tuple[Array, Array]:
         """Return the force, and the moment, on the second body that go with an effort of one."""

@@ -160,6 +160,25 @@ def test_marker_against_differences(name, rng):
         assert found == pytest.approx(second(lambda s: marker.axis(at(s), own)), abs=1e-5)
 
 
+@pytest.mark.parametrize("name", [name for name, marker in MARKERS.items() if marker.alike])
+def test_axes_of_sums_are_sums_of_axes(name, rng):
+    """Angles in space take two axes at once as a complex one."""
+    marker, (_, x, u, _), own = MARKERS[name], path(rng), np.eye(3)
+    kinds = [marker.axis, marker.axis_jacobian]
+    kinds += [lambda x, own: marker.axis_bias(x, u[None], own)] * (name != "frame")
+    for told in kinds:
+        one, other = told(x[None], own[0]), told(x[None], own[1])
+        assert told(x[None], own[0] - 2.0j * own[1]) == pytest.approx(one - 2.0j * other, abs=1e-13)
+
+
+def test_an_angle_and_its_slopes_are_of_axes_that_are_looked_at_once(monkeypatch, rng):
+    seen, axis = [], VectorMarker.axis
+    monkeypatch.setattr(VectorMarker, "axis", lambda one, x, own: (seen.append(one), axis(one, x, own))[1])
+    part = tie_on(About.of((0.6, 0.0, 0.8), FACING), MARKERS["body"], MARKERS["other"], (Push(2.5),))
+    part.add_force(np.zeros(1), state(rng)[None], np.zeros((1, N)), np.zeros((1, N)))
+    assert seen == [MARKERS["body"], MARKERS["other"]]
+
+
 def test_spin_of_a_rigid_body_is_its_angular_velocity(rng):
     marker, x, u = MARKERS["body"], np.zeros((1, N)), np.zeros((1, N))
     x[0, BODY], u[0, BODY], spin = rigid(rng)
