@@ -37,14 +37,14 @@ class Kind(NamedTuple):
     """What steps have in common that one recording serves."""
 
     table: Collocation
-    stiff: bool
+    natural: bool
     """Whether corrections are made in natural coordinates."""
     strained: bool
     """Whether strains are variables of the iteration."""
 
     def increments(self, problem: Problem) -> Increments:
         """Return the coordinates of the corrections."""
-        return problem.increments if self.stiff else PlainIncrements()
+        return problem.increments if self.natural else PlainIncrements()
 
 
 class End(NamedTuple):

@@ -31,7 +31,7 @@ from hfsim.integrators._lengths import FAINT, GROWTH, REGROWTH, RUNGS, SHRUNK, T
 from hfsim.integrators._memory import Remembering
 from hfsim.integrators._often import LARGE
 from hfsim.integrators._ordinary import END, LONGEST, REACH, Ahead, Rule, State
-from hfsim.integrators._problem import Problem
+from hfsim.integrators._problem import PlainIncrements, Problem
 from hfsim.integrators._replayed import Held, Replay, Replays
 from hfsim.integrators._tableau import Collocation, gauss, lasting, radau
 from hfsim.maths.arrays import Array
@@ -338,7 +338,8 @@ class CollocationStepper(Stepper):
         few = self._method.damping is not None and self._usual.stages < GAUSS_STAGES
         stages = max(self.table.stages, GAUSS_STAGES) if few else self.table.stages
         self._resolved = STIFF * stages * (RELUCTANT if few and not stiff else 1.0)
-        self._kind = Kind(self.table, stiff, stiff and self._problem.strains is not None)
+        natural = stiff and not isinstance(self._problem.increments, PlainIncrements)
+        self._kind = Kind(self.table, natural, stiff and self._problem.strains is not None)
         self._steady = not stiff and self._problem.constant_mass
         """Whether it is likely that a shorter step can be guessed with a derivative that did not serve."""
         self._rule = self._ruled()

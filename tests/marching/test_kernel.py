@@ -8,6 +8,8 @@ from natively import at_once, evaluates_alike, iterated, native, states
 
 from hfsim.integrators._closing import Closing
 from hfsim.integrators._ending import Ending, limits
+from hfsim.integrators._replayed import Replay
+from hfsim.integrators.collocation import CollocationStepper
 from hfsim.marching.integration import run_integration
 from hfsim.maths import kernel
 from hfsim.maths.recording import Recorder
@@ -54,6 +56,27 @@ def test_corrections_of_damped_scenes_are_recorded(method, monkeypatch):
     monkeypatch.setattr(Replayed, "_record", noted)
     run = simulate(parse_deck(RUBBER, overrides=[f"solve.method={method}"]), error_estimate=False)
     assert run.status == "done" and refused and not any(refused)
+
+
+SPRUNG = """hfsim: 1
+gravity: [0.0, -9.81]
+bodies:
+  a: {type: rigid, mass: 2.0, inertia: 0.05, points: {root: [-0.25, 0.0], tip: [0.25, 0.0]}}
+  b: {type: rigid, mass: 2.0, inertia: 0.05, points: {root: [-0.25, 0.0]}}
+springs:
+  s: {type: bushing, between: [ground, a.root], stiffness: 1.0e5, damping: 50, rotational_stiffness: 200}
+  t: {type: bushing, between: [a.tip, b.root], stiffness: 1.0e5, damping: 50, rotational_stiffness: 200}
+solve: {duration: 2.0, tolerance: 1.0e-4, method: radau}
+"""
+
+
+def test_steps_are_recorded_once_where_stiff_ones_are_made_as_others(monkeypatch):
+    """Rigid bodies in the plane have no natural coordinates but their own."""
+    scene, stiff, choose = build(parse_deck(SPRUNG)), [], CollocationStepper._choose
+    monkeypatch.setattr(CollocationStepper, "_choose", lambda own, now: (stiff.append(now), choose(own, now)))
+    run_integration(scene, scene.deck.solve)
+    recorded = [one for kept in scene.recordings.values() for one in kept.values()]
+    assert {False, True} <= set(stiff) and sum(isinstance(one, Replay) for one in recorded) == 1
 
 
 @pytest.mark.parametrize(
