@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from hfsim.maths.frozen import frozen
 FEW = {False: (60.0, 300), True: (300.0, 1000)}
 """Angle by which the fastest mode may turn in a run of explicit steps [rad], and how many of these may follow
 at the pace of the last ones, by whether derivatives cost as much as many accelerations."""
+SPINNING = {False: (600.0, 4000), True: (3000.0, 10000)}
+"""The same where rigid bodies spin in space: steps of collocation are no longer then."""
 BENDING = (600.0, 300)
 """The same where bodies bend, and explicit steps are rough."""
 LOOK = 16
@@ -26,8 +28,13 @@ LOOK = 16
 IN_A_ROW = {False: 3, True: 2}
 """Attempts that fail one after another from which it is not either, by whether there are loops: close to
 where these lose their rank explicit steps get ever shorter, and nothing gets across any more."""
-SHARPER = 1e-3
-"""Tolerance of explicit steps, over that of collocation, which errors then keep."""
+SHARPER = {False: 1e-3, True: 1e-4}
+"""Tolerance of explicit steps, over that of collocation, which errors then keep, by whether bodies spin that
+often."""
+SPIN = (0.5, 2.5)
+"""Rate at which accelerations follow velocities, over that at which they follow positions, where bodies spin:
+both are about that of the spin.  Springs make less of the first, dampers more; at a third it takes as long
+either way."""
 FINEST, FINEST_OF_LOOPS = 1e-8, 1e-6
 """Tolerance below which theirs would be rounding, or so close to it that steps do not get across positions
 where loops lose their rank."""
@@ -63,23 +70,24 @@ class Automatic:
             return AutomaticStepper(self, problem, t, q, v)
         return self.usual.start(problem, t, q, v)
 
-    def explicit(self, problem: Problem, t: float, q: Array, v: Array, a: Array | None = None) -> Stepper:
+    def explicit(
+        self, problem: Problem, t: float, q: Array, v: Array, spinning: bool, a: Array | None = None
+    ) -> Stepper:
         """Return what makes explicit steps from a state whose accelerations may be known."""
         from hfsim.integrators.explicit import Explicit  # few scenes need it
 
-        sharper = SHARPER if problem.rigid else 1.0
+        sharper = SHARPER[spinning] if problem.rigid else 1.0
         return Explicit(sharper * self.usual.tolerance).start(problem, t, q, v, a)
 
 
 class AutomaticStepper(Stepper):
     """One of two methods at work: once collocation, always collocation."""
 
-    remembers = ("_explicit", "_made", "_since")
+    remembers = ("_explicit", "_spinning", "_made", "_since")
 
     def __init__(self, method: Automatic, problem: Problem, t: float, q: Array, v: Array) -> None:
         self._method, self._problem, self._start = method, problem, (t, q, v)
-        self._made, self._failed, self._since = 0, 0, t
-        self._few = FEW[problem.slopes is not None and problem.slopes.pays] if problem.rigid else BENDING
+        self._made, self._failed, self._since, self._spinning = 0, 0, t, False
         self._take(*self._begun())
         self.first, self._label = self._now.first, self._now.label
 
@@ -148,11 +156,11 @@ class AutomaticStepper(Stepper):
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         """Go on as the one did whose memory this is."""
-        before, self._failed = self._explicit, 0
+        before, self._failed = (self._explicit, self._spinning), 0
         super().recall(memory)
-        if self._explicit != before:
-            start = self._method.explicit if self._explicit else self._method.usual.start
-            self._take(start(self._problem, *self._start), self._explicit)
+        if (self._explicit, self._spinning) != before:
+            begin = self._begin if self._explicit else self._method.usual.start
+            self._take(begin(self._problem, *self._start), self._explicit)
         self._now.recall(memory)
 
     def _count(self, t: float, q: Array, v: Array) -> None:
@@ -160,7 +168,7 @@ class AutomaticStepper(Stepper):
         self._made, self._failed = self._made + 1, 0
         if self._made % LOOK == 0:
             pace, self._since = (t - self._since) / LOOK, t
-            if self._problem.often.rest(t) > self._few[1] * pace:
+            if self._problem.often.rest(t) > self._few(self._spinning)[1] * pace:
                 self._go_over(t, q, v)
 
     def _go_over(self, t: float, q: Array, v: Array) -> None:
@@ -169,20 +177,53 @@ class AutomaticStepper(Stepper):
     def _take(self, stepper: Stepper, explicit: bool) -> None:
         self._now, self.name, self._explicit = stepper, stepper.name, explicit
 
+    def _few(self, spinning: bool) -> tuple[float, int]:
+        """Return the angle and the number of steps up to which these are explicit."""
+        problem = self._problem
+        if not problem.rigid:
+            return BENDING
+        return (SPINNING if spinning else FEW)[problem.slopes is not None and problem.slopes.pays]
+
     def _begun(self) -> tuple[Stepper, bool]:
         """Return what makes the steps, and whether that is by explicit ones: if few make the run."""
-        problem, start, method = self._problem, self._start, self._method
+        problem, start = self._problem, self._start
+        rest, turning = problem.often.rest(start[0]), problem.rigid and problem.spatial and not problem.loops
         with suppress(np.linalg.LinAlgError):
-            t, q, v, most = *start, self._few[0] / problem.often.rest(start[0])
-            begun = t, q.tobytes(), v.tobytes(), most
-            a = problem.at_start("slowly", begun, lambda: slowly(problem, t, q, v, most))
-            if a is not None:
-                return method.explicit(problem, *start, a), True
-        return method.usual.start(problem, *start), False
+            found = self._followed(self._few(turning)[0] / rest)
+            if found is not None:
+                self._spinning = max(found.by_position, found.by_velocity) * rest > self._few(False)[0]
+                if not self._spinning or found.spins:
+                    return self._begin(problem, *start, found.a), True
+        return self._method.usual.start(problem, *start), False
+
+    def _begin(self, problem: Problem, t: float, q: Array, v: Array, a: Array | None = None) -> Stepper:
+        """Return what makes explicit steps from a state."""
+        return self._method.explicit(problem, t, q, v, self._spinning, a)
+
+    def _followed(self, most: float) -> Followed | None:
+        """Return what `followed` does at the start."""
+        problem, (t, q, v) = self._problem, self._start
+        begun = t, q.tobytes(), v.tobytes(), most
+        found: Followed | None = problem.at_start("followed", begun, lambda: followed(problem, t, q, v, most))
+        return found
 
 
-def slowly(problem: Problem, t: float, q: Array, v: Array, most: float) -> Array | None:
-    """Return the accelerations (n,) if they follow the state (n,) at no more than so many radians a second.
+class Followed(NamedTuple):
+    """Accelerations (n,), and the rates at which they follow positions and velocities [rad/s]."""
+
+    a: Array
+    by_position: float
+    by_velocity: float
+
+    @property
+    def spins(self) -> bool:
+        """Whether that is as where bodies spin."""
+        least, most = SPIN
+        return least * self.by_position <= self.by_velocity <= most * self.by_position
+
+
+def followed(problem: Problem, t: float, q: Array, v: Array, most: float) -> Followed | None:
+    """Return how accelerations follow the state (n,) if they do at no more than so many radians a second.
 
     The first disturbance is any, the others are what it does to the accelerations: a power iteration.
     """
@@ -194,13 +235,15 @@ def slowly(problem: Problem, t: float, q: Array, v: Array, most: float) -> Array
     step = SMALL * np.cos(np.arange(1.0, len(q) + 1))
     a, changed = accelerations(np.array([q, q + step]), np.array([v, v]))
     size, change = np.linalg.norm(step), changed - a
-    if not np.linalg.norm(change) <= most**2 * size:
+    first = np.linalg.norm(change)
+    if not first <= most**2 * size:
         return None
     if change.any():
-        step = size / np.linalg.norm(change) * change
+        step = size / first * change
     changed = accelerations(np.array([q + step, q]), np.array([v, v + step]))
-    by_position, by_velocity = np.linalg.norm(changed - a, axis=-1)
-    return a if by_position <= most**2 * size and by_velocity <= most * size else None
+    second, velocity = np.linalg.norm(changed - a, axis=-1)
+    found = Followed(a, float(np.sqrt(max(first, second) / size)), float(velocity / size))
+    return found if max(found.by_position, found.by_velocity) <= most else None
 
 
 def chosen(solve: Options, dissipates: bool) -> Automatic | CollocationMethod:

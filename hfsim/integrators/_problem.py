@@ -160,6 +160,8 @@ class Problem:
         Whether, besides, joints are linear in them and the potential is a polynomial of degree four at most.
     rigid, loops : bool
         Whether all bodies are; whether joints close loops, whose equations may lose their rank.
+    spatial : bool
+        Whether bodies move in space.
     many_forces : bool
         Whether forces are so many that calls of Python take most of the time.
     breaks : ndarray
@@ -197,6 +199,7 @@ class Problem:
     quartic: bool = False
     rigid: bool = False
     loops: bool = True
+    spatial: bool = False
     many_forces: bool = False
     breaks: Array = field(default_factory=lambda: np.zeros(0))
     period: Callable[[float, float], float] = lambda begin, end: np.inf

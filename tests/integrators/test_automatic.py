@@ -9,7 +9,7 @@ from integrators.test_stepping import read, same, written
 import hfsim
 from hfsim.errors import HfsimError
 from hfsim.integrators import Limits, Stepping, _automatic, _loop, choose
-from hfsim.integrators._automatic import slowly
+from hfsim.integrators._automatic import followed
 from hfsim.integrators.explicit import ExplicitStepper
 from hfsim.marching.integration import problem_of, run_integration
 from hfsim.scene.build import build
@@ -39,6 +39,42 @@ bodies: {plate: {type: rigid, mass: 1.0, inertia: [1.0, 1.2, 1.8]}}
 initial: {plate: {angular_velocity: [0.1, 0.0, 0.5]}}
 loads: {twist: {type: moment, at: plate, moment: [0.0, 3.0, 20.0]}}
 solve: {duration: 8.0, tolerance: 1.0e-4}
+"""
+TOP = """
+hfsim: 1
+gravity: [0.0, 0.0, -9.81]
+bodies: {top: {type: rigid, mass: 1.0, inertia: [0.01, 0.01, 0.005], points: {foot: [0.0, 0.0, -0.2]}}}
+joints: {tip: {type: spherical, between: [ground, top.foot]}}
+initial: {top: {orientation: {axis: [0, 1, 0], angle: 0.4}, angular_velocity: [0.0, 0.0, 400.0]}}
+solve: {duration: 0.4}
+"""
+WHEEL = """
+hfsim: 1
+gravity: [0.0, 0.0, -9.81]
+bodies:
+  frame: {type: rigid, mass: 3.0, inertia: [0.1, 0.1, 0.15], points: {p: [0.3, 0, 0], q: [-0.2, 0.3, 0]}}
+  wheel: {type: rigid, mass: 1.0, inertia: [0.01, 0.01, 0.02]}
+joints: {axle: {type: revolute, between: [frame, wheel], axis: [0.1, 0.0, 1.0]}}
+ground: {points: {p: [0.5, 0.0, 0.3], q: [-0.3, 0.4, 0.3]}}
+springs:
+  s: {type: two_point, between: [ground.p, frame.p], stiffness: 2.0e3, rest_length: 0.36}
+  t: {type: two_point, between: [ground.q, frame.q], stiffness: 2.0e3, rest_length: 0.36}
+initial: {frame: {position: [0, 0, 0]}, axle: {angular_velocity: 60.0}}
+solve: {duration: 1.0}
+"""
+GIMBALS = """
+hfsim: 1
+bodies:
+  outer: {type: rigid, mass: 0.5, inertia: [0.01, 0.012, 0.01]}
+  inner: {type: rigid, mass: 0.3, inertia: [0.005, 0.004, 0.005]}
+  wheel: {type: rigid, mass: 1.0, inertia: [0.002, 0.002, 0.004]}
+joints:
+  a: {type: revolute, between: [ground, outer], damping: 0.01}
+  b: {type: revolute, between: [outer, inner], axis: [1, 0, 0]}
+  c: {type: revolute, between: [inner, wheel]}
+loads: {push: {type: moment, at: outer, moment: [0.02, 0.1, 0.0]}}
+initial: {b: {angle: 0.4}, c: {angular_velocity: 300.0}}
+solve: {duration: 0.5}
 """
 BEAM = """
 hfsim: 1
@@ -101,6 +137,38 @@ def test_accelerations_that_are_said_to_depend_on_positions_alone_do(case, model
         a = problem.acceleration(t, q, v)
         moving = problem.acceleration(t, q, v + rng.normal(size=v.shape))
         assert np.abs(moving - a).max() <= 1e-12 * np.abs(a).max()
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+@pytest.mark.parametrize("text", [TOP, WHEEL, GIMBALS], ids=["top", "wheel on springs", "gimbals"])
+def test_so_are_spinning_bodies_and_they_keep_the_tolerance(text, tolerance):
+    """By steps of collocation, which resolve the spin too, they took three to five times as long."""
+
+    def ends(tolerance, *settings):
+        scene = build(parse_deck(text, "scene.yaml", [f"solve.tolerance={tolerance}", *settings]))
+        done = run_integration(scene, scene.deck.solve)
+        return done.trajectory.methods, done.trajectory.q
+
+    made_by, q = ends(tolerance)
+    _, true = ends(1e-10, "solve.method=gauss")
+    assert made_by == ["explicit"]
+    assert np.abs(q - true).max() < tolerance
+
+
+@pytest.mark.parametrize("stiffness", [2e4, 1e5, 2e6])
+def test_stiff_springs_beside_a_spin_are_for_collocation(stiffness):
+    springs = [f"springs.{name}.stiffness={stiffness}" for name in ("s", "t")]
+    assert methods(WHEEL) == ["explicit"]
+    assert "explicit" not in methods(WHEEL, *springs, "solve.duration=2.0")
+
+
+@pytest.mark.parametrize("inertia", [[1.0, 1.0, 1.9], [1.0, 1.0, 0.1], [1.0, 1.2, 1.8]])
+@pytest.mark.parametrize("spin", [[0.0, 0.0, 30.0], [10.0, 0.0, 30.0], [1.0, 30.0, 0.0]])
+def test_a_spin_is_told_by_what_velocities_do(inertia, spin):
+    rates = [f"initial.plate.angular_velocity={spin}", f"bodies.plate.inertia={inertia}"]
+    scene = build(parse_deck(SPUN, overrides=rates))
+    found = followed(problem_of(scene), 0.0, scene.q, scene.v, 1e3)
+    assert found.spins and 0.8 < found.by_position / np.linalg.norm(spin) < 1.5
 
 
 @pytest.mark.parametrize(
@@ -178,17 +246,17 @@ def test_rates_are_those_of_springs_and_dampers(damping, rate):
     """By position sqrt(stiffness / inertia), by velocity damping / inertia."""
     scene = build(parse_deck(DISC % damping))
     problem, start = problem_of(scene), (0.0, scene.q, scene.v)
-    a = slowly(problem, *start, 1.01 * rate)
+    a, *_ = followed(problem, *start, 1.01 * rate)
     assert a == pytest.approx(problem.at(*start), rel=1e-14)
-    assert slowly(problem, *start, 0.99 * rate) is None
+    assert followed(problem, *start, 0.99 * rate) is None
 
 
 def test_a_fast_mode_is_found_though_another_moves_farther():
     """Of what any disturbance does first, the slow one is the larger part."""
     scene = build(parse_deck(TWO))
     problem, start = problem_of(scene), (0.0, scene.q, scene.v)
-    assert slowly(problem, *start, 1.01 * 40.0) is not None
-    assert slowly(problem, *start, 0.9 * 40.0) is None
+    assert followed(problem, *start, 1.01 * 40.0) is not None
+    assert followed(problem, *start, 0.9 * 40.0) is None
 
 
 def test_a_run_that_would_take_many_steps_goes_over():
@@ -210,18 +278,20 @@ def test_a_run_goes_over_where_explicit_steps_fail(monkeypatch):
     assert done.trajectory.methods[-1] != "explicit"
 
 
-def spun():
-    scene = build(parse_deck(SPUN))
+def spun(text):
+    scene = build(parse_deck(text))
     problem, solve = problem_of(scene), scene.deck.solve
     begun = 0.0, scene.q, scene.v
     limits = Limits(None, max_steps=24)
     return Stepping(problem, choose(solve, False), begun, solve.duration, limits, lambda *_: None), problem
 
 
-def test_a_run_that_goes_over_goes_on_to_the_last_bit_wherever_it_was_put_down(monkeypatch):
+@pytest.mark.parametrize("text", [SPUN, TOP])
+def test_a_run_that_goes_over_goes_on_to_the_last_bit_wherever_it_was_put_down(text, monkeypatch):
     monkeypatch.setattr(_automatic, "LOOK", 8)
     monkeypatch.setattr(_automatic, "FEW", dict.fromkeys((False, True), (60.0, 100)))
-    whole, problem = spun()
+    monkeypatch.setattr(_automatic, "SPINNING", dict.fromkeys((False, True), (600.0, 100)))
+    whole, problem = spun(text)
     memories = {}
     with monkeypatch.context() as one_by_one:
         one_by_one.setattr(_loop, "AT_ONCE", 0)
@@ -229,7 +299,7 @@ def test_a_run_that_goes_over_goes_on_to_the_last_bit_wherever_it_was_put_down(m
             memories[len(whole.path.segments)] = written(whole.memory())
     assert len(whole.path.methods) == 2
     for k, memory in memories.items():
-        again, again_problem = spun()
+        again, again_problem = spun(text)
         again.recall(read(memory))
         list(again)
         assert all(same(*pair) for pair in zip(again.path.segments, whole.path.segments[k:], strict=True)), k
