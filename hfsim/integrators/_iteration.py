@@ -132,7 +132,11 @@ class Iteration:
         at = natural.geometry(q[None])
         v0, a0 = (v, a0) if carried is None else (carried.v, carried.a)
         rates = (rate[0] for rate in natural.rates(at, v0[None], a0[None]))
-        y = self.derivative.free_motion(self._table, Start(at, a0, *rates), h)
+        start = Start(at, a0, *rates)
+        y = self.derivative.free_motion(self._table, start, h)
+        if carrying is not None and (steady := carrying.steady) is not None:
+            lasting = times[:, None] * (start.first + 0.5 * times[:, None] * start.second)
+            y = y + steady * (lasting - y)
         moved = natural.advance(at, y)
         moved = moved if carried is None else carried.moved + carried.seen(moved)
         if self._problem.strains is not None:

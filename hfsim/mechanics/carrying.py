@@ -11,6 +11,7 @@ body.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,7 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.rank import null_space
 from hfsim.maths.rotations import cross
+from hfsim.mechanics.force import ConstantForce
 from hfsim.mechanics.reduction import Reduction
 from hfsim.mechanics.ties import Tie
 from hfsim.mechanics.turning import Turning, undriven
@@ -101,6 +103,12 @@ class CarryingApart:
     each: tuple[Carrying, ...]
     others: Array
 
+    @cached_property
+    def steady(self) -> Array | None:
+        """As of `Carrying`."""
+        found = [one.steady for one in self.each if one.steady is not None]
+        return sum(found[1:], found[0]) if found else None
+
     def along(self, q: Array, v: Array, a: Array, times: Array) -> CarriedApart:
         """Carry a state (n,) on as its rates and accelerations say, by times (n_times,) [s]."""
         each = tuple(one.along(q, v, a, times) for one in self.each)
@@ -126,6 +134,9 @@ class Carrying:
     mass : ndarray, shape (n, n)
     own : ndarray, shape (n,), or None
         One for coordinates of the part, zero for others; None where it is everything.
+    rolls : bool
+        Whether it is one rigid body that rubs, without springs: what moves it on goes on, as where a ball
+        rolls down a slope.  As seen from axes that turn along, its friction would have that die out at once.
     """
 
     reduction: Reduction
@@ -134,6 +145,14 @@ class Carrying:
     straight: int
     mass: Array
     own: Array | None = None
+    rolls: bool = False
+
+    @cached_property
+    def steady(self) -> Array | None:
+        """One for coordinates whose accelerations last, zero for others, (n,); None where there are none."""
+        if not self.rolls:
+            return None
+        return np.ones(len(self.reduction.rows)) if self.own is None else self.own
 
     @classmethod
     def of(cls, system: System, bodies: Sequence[Body], at: Array) -> Carrying | CarryingApart | None:
@@ -148,14 +167,17 @@ class Carrying:
         rates = np.concatenate([one.rates(at[None]) for one in units])
         parts, rows = _parts(system, bodies), system.reduction.rows
         if not 1 < len(parts) <= MOST:
-            return cls._of(system, at, rates)
-        found = [(own, cls._of(system, at, rates * own, own[rows])) for own in parts]
+            return cls._of(system, at, rates, _rolls(system, bodies, np.ones(system.n_x)))
+        kinds = [(own, _rolls(system, bodies, own)) for own in parts]
+        found = [(own, cls._of(system, at, rates * own, rolls, own[rows])) for own, rolls in kinds]
         left = [own[rows] for own, one in found if one is None]
         each = tuple([one for _, one in found if one is not None])
         return CarryingApart(each, sum(left, np.zeros(len(rows)))) if each else None
 
     @classmethod
-    def _of(cls, system: System, at: Array, rates: Array, own: Array | None = None) -> Carrying | None:
+    def _of(
+        cls, system: System, at: Array, rates: Array, rolls: bool, own: Array | None = None
+    ) -> Carrying | None:
         """Return those of rates (6, n_x), of the unit motions, that nothing hinders."""
         ways = _unresisted(undriven(system.equations, at, rates), system.forces, at, rates)
         straight = null_space(ways[:, 3:].T, 1.0).T @ ways
@@ -163,7 +185,8 @@ class Carrying:
             return None
         turns = null_space(straight @ ways.T, 1.0).T @ ways
         shifts, mass = system.reduction.free_rates(rates[:3]), system.equations.free_mass
-        return cls(system.reduction, shifts, np.concatenate([straight, turns]), len(straight), mass, own)
+        ways = np.concatenate([straight, turns])
+        return cls(system.reduction, shifts, ways, len(straight), mass, own, rolls)
 
     def along(self, q: Array, v: Array, a: Array, times: Array) -> Carried:
         """Carry a state (n,) on as its rates and accelerations say, by times (n_times,) [s].
@@ -247,6 +270,16 @@ def _parts(system: System, bodies: Sequence[Body]) -> list[Array]:
             part[part == other] = joined[0]
             joined = [joined[0] if one == other else one for one in joined]
     return [np.where(part == one, 1.0, 0.0) for one in np.unique(part)]
+
+
+def _rolls(system: System, bodies: Sequence[Body], part: Array) -> bool:
+    """Tell whether a part, ones at its coordinates (n_x,), is a rigid body that rubs, without springs."""
+    own = [body for body in bodies if part[body.columns].any()]
+    weights = (isinstance(force, ConstantForce) for body in own for force in body.forces(system.n_x))
+    ties = [one for one in system.forces if isinstance(one, Tie)]
+    on = [one for one in ties if any(part[marker.columns].any() for marker in one.markers)]
+    free = len(own) == 1 and all(weights) and not any(one.holds_together for one in on)
+    return free and any(one.rubs for one in on)
 
 
 def _unresisted(ways: Array, forces: Iterable[ForcePart], x: Array, units: Array) -> Array:

@@ -51,10 +51,15 @@ class ContactTie(Tie):
     unit: ClassVar[str] = "m"
     holds_together: ClassVar[bool] = False
 
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction."""
+        return self.coefficient > 0.0
+
     @cached_property
     def uses_rates(self) -> bool:
         """Whether it rubs, or is damped."""
-        return self.coefficient > 0.0 or any(one.uses_rates for one in self.resistances)
+        return self.rubs or any(one.uses_rates for one in self.resistances)
 
     @cached_property
     def exchanges_power(self) -> bool:
@@ -140,7 +145,7 @@ class ContactTie(Tie):
     def on_points(self, t: Array, x: Array, u: Array) -> Iterator[tuple[Marker, Array]]:
         """Yield the ends that can move, with all forces there."""
         pushes = super().on_points(t, x, u)
-        if not self.coefficient:
+        if not self.rubs:
             yield from pushes
             return
         for (marker, force), (_, own) in zip(pushes, self._rubbed(t, x, u), strict=True):
@@ -158,7 +163,7 @@ class ContactTie(Tie):
 
     def _by(self, moved: Callable[[Array], tuple[Array, Array]], t: Array, at: Array) -> Entries:
         """Return minus the derivative of the friction by x or u, of which a function makes both."""
-        if not self.coefficient:
+        if not self.rubs:
             return NOTHING
 
         def resistance(change: Array) -> Array:

@@ -61,6 +61,11 @@ class Tie(PointPart):
         return True
 
     @property
+    def rubs(self) -> bool:
+        """Whether its friction is that of what it presses together."""
+        return False
+
+    @property
     def holds_together(self) -> bool:
         """Whether it holds what moves on evenly to what it ties it to."""
         return any(one.holds for one in self.resistances)

@@ -149,6 +149,14 @@ def test_what_rolls_evenly_in_space_takes_long_steps():
     np.testing.assert_allclose(found["ball.x"], 0.5 * found.t, atol=1e-5)
 
 
+def test_what_rolls_ever_faster_takes_long_steps_too():
+    """Its slip stays while its speed grows: a guess that lets it die out is off by many velocities."""
+    pull, press = 9.81 * math.sin(0.2), 9.81 * math.cos(0.2)
+    start = {"position": [0.0, 0.0, RADIUS - resting(MASS * press)]}
+    found = run(ball(3, start, [pull, 0.0, -press], tolerance=1e-5))
+    assert found.statistics["steps"] < 400
+
+
 def two_bodies(n_dim):
     """A ball that presses and rubs on a plate, both free and turning."""
     axes, inertias = n_dim - 1, (INERTIA, 0.01) if n_dim == 2 else (3 * [INERTIA], [0.01, 0.02, 0.03])
