@@ -1,7 +1,10 @@
 """What damping of beams with sections must be: slopes, power below zero, none of turning."""
 
+from functools import partial
+
 import numpy as np
 import pytest
+from tangents import forces
 
 from hfsim.parts.elements.forces import MaterialDamping
 
@@ -12,12 +15,7 @@ def check_damping(scene, rng, turning):
     n, t, h = scene.system.n_x, np.zeros(1), 1e-6
     x = scene.system.absolute(scene.q[None]) + 0.1 * rng.normal(size=(1, n))
     u, d = rng.normal(size=(1, n)), rng.normal(size=n)
-
-    def force(x, u):
-        out = np.zeros_like(x)
-        part.add_force(t, x, u, out)
-        return out
-
+    force = partial(forces, part)
     for entries, slope in (
         (part.tangent(t, x, u), (force(x + h * d, u) - force(x - h * d, u)) / (2 * h)),
         (part.rate_tangent(t, x, u), (force(x, u + h * d) - force(x, u - h * d)) / (2 * h)),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cached_property
 from typing import ClassVar
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import NOTHING, Entries
+from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import dot, lever, turning
 from hfsim.mechanics.force import difference
 from hfsim.mechanics.friction import SLIDING
@@ -161,27 +161,29 @@ class ContactTie(Tie):
         """Return the whole force."""
         return {self.unit: self.reaction(t, x, u)[0]}
 
-    def _by(self, moved: Callable[[Array], tuple[Array, Array]], t: Array, at: Array) -> Entries:
-        """Return minus the derivative of the friction by x or u, of which a function makes both."""
-        if not self.rubs:
-            return NOTHING
-
-        def resistance(change: Array) -> Array:
-            x, u = np.broadcast_arrays(*moved(change))
-            out = np.zeros(x.shape)
-            for marker, force in self._rubbed(np.repeat(t, len(x)), x, u):
-                out[:, marker.columns] -= force
-            return out
-
-        return difference(resistance, at, self.support)
+    def _resisted(self, t: Array, x: Array, u: Array) -> Array:
+        """Return minus the friction, with one state of x or u repeated for a batch of the other."""
+        x, u = np.broadcast_arrays(x, u)
+        out = np.zeros(x.shape)
+        for marker, force in self._rubbed(np.repeat(t, len(x)), x, u):
+            out[:, marker.columns] -= force
+        return out
 
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of all forces by x in one state."""
-        return Entries.joined([super().tangent(t, x, u), self._by(lambda moved: (moved, u), t, x)])
+        pushed = super().tangent(t, x, u)
+        if not self.rubs:
+            return pushed
+        rubbed = difference(lambda moved: self._resisted(t, moved, u), x, self.support)
+        return Entries.joined([pushed, rubbed])
 
     def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of all forces by u in one state."""
-        return Entries.joined([super().rate_tangent(t, x, u), self._by(lambda moved: (x, moved), t, u)])
+        pushed = super().rate_tangent(t, x, u)
+        if not self.rubs:
+            return pushed
+        rubbed = difference(lambda moved: self._resisted(t, x, moved), u, self.support)
+        return Entries.joined([pushed, rubbed])
 
     def power(self, t: Array, x: Array, u: Array) -> Array:
         """Return the power of what is not the slope of an energy."""

@@ -46,10 +46,10 @@ class Drag(ForcePart):
         """That of the flow."""
         return () if self.law is None else (self.law,)
 
-    def against(self, marker: Marker, t: Array, x: Array, u: Array) -> Array:
-        """Return the velocity of a point against the medium [m/s], (n_batch, n_dim)."""
+    def wind(self, t: Array) -> Array:
+        """Return the velocity of the medium [m/s], (n_batch or 1, n_dim)."""
         flow = np.array([self.flow])
-        return marker.velocity(x, u) - (flow if self.law is None else flow * self.law.value(t)[:, None])
+        return flow if self.law is None else flow * self.law.value(t)[:, None]
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add the forces on all points."""
@@ -85,7 +85,7 @@ class PointDrag(Drag, PointPart):
 
     def on_points(self, t: Array, x: Array, u: Array) -> Iterator[tuple[Marker, Array]]:
         """Yield the point, with the force there."""
-        w = self.against(self.marker, t, x, u)
+        w = self.marker.velocity(x, u) - self.wind(t)
         force = -self.size * _speed(w) * w
         yield self.marker, (force[:, None] @ self.marker.position_jacobian(x))[:, 0]
 
@@ -113,9 +113,9 @@ class LineDrag(Drag, LineLoad):
 
     def at_places(self, t: Array, x: Array, u: Array) -> list[Array]:
         """Return the force at each place [N], (n_batch, n_dim)."""
-        found = []
+        wind, found = self.wind(t), []
         for k, marker in enumerate(self.places):
-            w, axis = self.against(marker, t, x, u), marker.turned(x, self.axes[k])
+            w, axis = marker.velocity(x, u) - wind, marker.turned(x, self.axes[k])
             slide = dot(w, axis)
             side = w - slide * axis
             force = self.across[k] * _speed(side) * side

@@ -156,7 +156,8 @@ class Tie(PointPart):
 
     def stuck(self, t: Array, x: Array, u: Array) -> float:
         """Return the slope by these of friction that sticks in one state; zero where nothing does."""
-        return sum(one.stuck(t, self.rate(t, x, u)) for one in self.resistances)
+        w = self.rate(t, x, u)
+        return sum(one.stuck(t, w) for one in self.resistances)
 
     def delivered(self, t: Array, x: Array, u: Array) -> Array:
         """Return what all resistances put into both bodies [W], shape (n_batch,)."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from ropes import BROKEN, ROPE
 from solved import parsed
 
 import hfsim
@@ -12,17 +13,6 @@ from hfsim.marching.stop import TimeUp
 from hfsim.scene.build import build
 from hfsim.studies import spectra
 
-ROPE = """
-hfsim: 1
-bodies: {cart: {type: rigid, mass: 2.0, inertia: 0.1}}
-springs:
-  rope: {type: two_point, between: [ground, cart], stiffness: 50, rest_length: 1.0, release: {force: 20}}
-initial: {cart: {position: [1.0, 0.0], velocity: [3.0, 0.0]}}
-solve: {duration: 1.0, tolerance: 1.0e-9}
-output: {interval: 0.05, channels: [cart.x, cart.vx, rope.force, energy.total]}
-"""
-BROKEN = np.arcsin(20.0 / 50.0 / (3.0 / 5.0)) / 5.0
-"""When 50 N/m have 20 N [s]: x - 1 = 0.6 sin(5 t)."""
 WOUND = """
 hfsim: 1
 gravity: [0, 0, 0]

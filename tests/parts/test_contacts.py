@@ -7,6 +7,7 @@ import pytest
 from natively import native, runs_alike
 from scipy.integrate import solve_ivp
 from solved import parsed
+from tangents import check_tangents
 
 import hfsim
 from hfsim.errors import DeckError
@@ -217,23 +218,7 @@ def test_tangents_are_derivatives(n_dim, slip):
     system = scene.system
     (part,) = (one for one in system.forces if isinstance(one, ContactTie))
     x, u = system.absolute(scene.q[None]), slip * system.absolute_velocity(scene.q[None], scene.v[None])
-    t, n = np.zeros(1), x.shape[1]
-
-    def force(x, u):
-        out = np.zeros((len(x), n))
-        part.add_force(np.zeros(len(x)), x, u, out)
-        return out
-
-    step = 1e-7 * np.eye(n)
-    each = np.repeat(x, n, axis=0), np.repeat(u, n, axis=0)
-    for entries, ahead, back in (
-        (part.tangent(t, x, u), force(each[0] + step, each[1]), force(each[0] - step, each[1])),
-        (part.rate_tangent(t, x, u), force(each[0], each[1] + step), force(each[0], each[1] - step)),
-    ):
-        matrix = np.zeros((n, n))
-        np.add.at(matrix, (entries.rows, entries.columns), entries.values)
-        slopes = -(ahead - back).T / 2e-7
-        np.testing.assert_allclose(matrix, slopes, atol=2e-4 * np.abs(slopes).max())
+    check_tangents(part, x, u, 1e-7, 2e-4)
 
 
 def test_a_floor_may_open_and_what_starts_in_it_is_told():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from natively import evaluates_alike, native
 from solved import parsed
+from tangents import check_tangents, forces
 
 import hfsim
 from hfsim.errors import DeckError
@@ -103,23 +104,8 @@ def test_its_tangents_are_derivatives_and_it_is_recorded(n_dim, rng):
     (part,) = (one for one in system.forces if isinstance(one, Drag))
     x, u = system.absolute(scene.q[None]), system.absolute_velocity(scene.q[None], scene.v[None])
     x, u = x + 0.01 * rng.normal(size=x.shape), u + rng.normal(size=x.shape)
-    t, n = np.zeros(1), x.shape[1]
-
-    def force(x, u):
-        out = np.zeros((len(x), n))
-        part.add_force(np.zeros(len(x)), x, u, out)
-        return out
-
-    each, step = (np.repeat(x, n, axis=0), np.repeat(u, n, axis=0)), 1e-6 * np.eye(n)
-    for entries, ahead, back in (
-        (part.tangent(t, x, u), force(each[0] + step, each[1]), force(each[0] - step, each[1])),
-        (part.rate_tangent(t, x, u), force(each[0], each[1] + step), force(each[0], each[1] - step)),
-    ):
-        matrix = np.zeros((n, n))
-        np.add.at(matrix, (entries.rows, entries.columns), entries.values)
-        slopes = -(ahead - back).T / 2e-6
-        np.testing.assert_allclose(matrix, slopes, atol=1e-5 * np.abs(slopes).max())
-    assert part.power(t, x, u) == pytest.approx(force(x, u)[0] @ u[0])
+    check_tangents(part, x, u, 1e-6, 1e-5)
+    assert part.power(np.zeros(1), x, u) == pytest.approx(forces(part, x, u)[0] @ u[0])
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from natively import both, native
+from ropes import BROKEN, ROPE
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from solved import parsed
@@ -16,17 +17,6 @@ from hfsim.mechanics.once import events_of
 from hfsim.output.modes import state_warnings
 from hfsim.scene.build import build
 
-CATCH = """
-hfsim: 1
-bodies: {cart: {type: rigid, mass: 2.0, inertia: 0.1}}
-springs:
-  rope: {type: two_point, between: [ground, cart], stiffness: 50, rest_length: 1.0, release: {force: 20}}
-initial: {cart: {position: [1.0, 0.0], velocity: [3.0, 0.0]}}
-solve: {duration: 1.0, tolerance: 1.0e-9}
-output: {interval: 0.05, channels: [cart.x, cart.vx, rope.force, energy.total]}
-"""
-BROKEN = np.arcsin(20.0 / 50.0 / (3.0 / 5.0)) / 5.0
-"""When 50 N/m have 20 N [s]: x - 1 = 0.6 sin(5 t)."""
 METHODS = {"gauss": 1e-9, "radau": 1e-8, "explicit": 1e-8, "energy": 1e-6, "gear": 1e-4}
 METHODS["generalized_alpha"] = 0.02
 """How far the time of it may be off [s]."""
@@ -56,7 +46,7 @@ output: {interval: 0.02, channels: [boom.tip.z, load.z, load.vz, load.rotation_y
 @pytest.mark.parametrize("method", METHODS)
 def test_a_rope_breaks_at_its_limit(method):
     changes = {"solve.method": method, "solve.tolerance": 1e-7 if METHODS[method] > 1e-6 else 1e-9}
-    run = hfsim.run(parsed(CATCH), changes, error_estimate=False, diagnosis=False)
+    run = hfsim.run(parsed(ROPE), changes, error_estimate=False, diagnosis=False)
     assert run.statistics["releases"] == {"springs.rope": pytest.approx(BROKEN, abs=METHODS[method])}
     later = run.t > BROKEN + METHODS[method]
     assert not run["rope.force"][later].any() and run["rope.force"][~later].any()
@@ -120,7 +110,7 @@ def test_inside_a_fixed_step_it_counts_at_the_end(method):
 
 
 def test_what_it_stored_is_lost_and_no_drift():
-    run = hfsim.run(parsed(CATCH))
+    run = hfsim.run(parsed(ROPE))
     assert run.statistics["energy_drift"] < 1e-9 and run.statistics["error_estimate"] < 1e-6
     assert run["energy.total"][[0, -1]] == pytest.approx([9.0, 9.0 - 0.5 * 50 * 0.4**2], rel=1e-8)
     assert run.statistics["work_done"] == pytest.approx(-0.5 * 50 * 0.4**2, rel=1e-8)
@@ -131,7 +121,7 @@ def test_what_it_stored_is_lost_and_no_drift():
     [("{time: 0.07}", 0.07), ("{time: 0.9, force: 20}", BROKEN), ("{force: 40}", None), ("{time: 0}", 0.0)],
 )
 def test_the_first_of_what_is_stated_counts(release, at):
-    run = hfsim.run(parsed(CATCH.replace("{force: 20}", release)), error_estimate=False)
+    run = hfsim.run(parsed(ROPE.replace("{force: 20}", release)), error_estimate=False)
     assert run.statistics["releases"]["springs.rope"] == (None if at is None else pytest.approx(at, abs=1e-9))
     speed = 3.0 if at is None else 3.0 * np.cos(5.0 * at)
     if at is not None:
@@ -143,13 +133,13 @@ def test_the_first_of_what_is_stated_counts(release, at):
 @pytest.mark.parametrize("step", [0.01, 0.03])
 def test_fixed_steps_end_at_its_time(step):
     changes = {"solve.method": "gauss", "solve.step": step, "springs.rope.release": {"time": 0.07}}
-    run = hfsim.run(parsed(CATCH), changes, error_estimate=False)
+    run = hfsim.run(parsed(ROPE), changes, error_estimate=False)
     assert run.statistics["releases"]["springs.rope"] == 0.07
     assert run["cart.vx"][-1] == pytest.approx(3.0 * np.cos(0.35), abs=1e-6)
 
 
 def test_a_second_run_of_a_scene_begins_with_it_whole():
-    scene = build(parsed(CATCH))
+    scene = build(parsed(ROPE))
     first, second = (run_integration(scene, scene.deck.solve) for _ in range(2))
     np.testing.assert_array_equal(first.trajectory.q, second.trajectory.q)
 
@@ -220,11 +210,11 @@ def test_the_limit_of_the_moment_is_that_of_all_turns_together(size):
 
 
 def test_rest_and_modes_are_those_with_it_and_overload_is_told():
-    with_it = hfsim.modes(parsed(CATCH)).frequencies
+    with_it = hfsim.modes(parsed(ROPE)).frequencies
     assert max(with_it) == pytest.approx(np.sqrt(50 / 2.0) / (2 * np.pi))
-    without = hfsim.modes(parsed(CATCH), {"springs.rope.release": {"time": 0}}).frequencies
+    without = hfsim.modes(parsed(ROPE), {"springs.rope.release": {"time": 0}}).frequencies
     assert max(without) == pytest.approx(0.0, abs=1e-9)
-    hung = CATCH.replace("bodies:", "gravity: [0, -20]\nbodies:")
+    hung = ROPE.replace("bodies:", "gravity: [0, -20]\nbodies:")
     hung = parsed(hung.replace("[1.0, 0.0], vel", "[0.0, -1.0], vel"))
     rest = hfsim.static(hung)
     assert rest.final["rope.force"] == pytest.approx(-40.0)
@@ -311,7 +301,7 @@ def test_what_it_bears_at_rest_is_that_of_the_time():
 @pytest.mark.parametrize("method", ["auto", "gauss", "radau", "gear"])
 def test_a_time_at_the_very_end_counts(method):
     deck = {"springs.rope.release": {"time": 0.4}, "solve.duration": 0.4, "solve.method": method}
-    run = hfsim.run(parsed(CATCH), deck, error_estimate=False)
+    run = hfsim.run(parsed(ROPE), deck, error_estimate=False)
     assert run.statistics["releases"] == {"springs.rope": 0.4} and run["rope.force"][-1] == 0.0
     assert run.statistics["energy_drift"] < 1e-4
 
@@ -326,7 +316,7 @@ def test_it_goes_along_where_models_change():
 
 
 def test_it_is_told_in_the_table_and_a_run_that_was_put_down_knows_it(tmp_path):
-    deck = parsed(CATCH)
+    deck = parsed(ROPE)
     whole = hfsim.run(deck, {"solve.duration": 2.0}, error_estimate=False)
     scene = build(deck)
     (event, ties), = events_of(scene.system.forces)
@@ -351,7 +341,7 @@ def test_it_is_told_in_the_table_and_a_run_that_was_put_down_knows_it(tmp_path):
 )
 def test_what_is_wrong_is_told(release, told):
     with pytest.raises(DeckError) as error:
-        build(parsed(CATCH.replace("{force: 20}", release)))
+        build(parsed(ROPE.replace("{force: 20}", release)))
     assert told in str(error.value)
 
 
@@ -360,7 +350,7 @@ def test_a_rope_that_is_slack_breaks_or_throws_back(limit):
     """As the manual writes it: straight on both sides of zero but for 1e-9 m."""
     table = "[[-1, 0], [0, 0], [1.0e-9, 5.0e-5], [1, 5.0e4]]"
     rope = f"rest_length: 1.0, table: {table}, release: {{force: {limit}}}"
-    text = CATCH.replace("stiffness: 50, rest_length: 1.0, release: {force: 20}", rope)
+    text = ROPE.replace("stiffness: 50, rest_length: 1.0, release: {force: 20}", rope)
     run = hfsim.run(parsed(text.replace("[1.0, 0.0]", "[0.4, 0.0]")), error_estimate=False, diagnosis=False)
     rate, stretch = np.sqrt(5.0e4 / 2.0), limit / 5.0e4
     breaks = stretch < 3.0 / rate
