@@ -1,5 +1,6 @@
 """What tests of the native kernel share: recordings made at once, evaluations and runs of both kernels."""
 
+from contextlib import contextmanager
 from functools import partial
 
 import numpy as np
@@ -9,6 +10,7 @@ import hfsim
 from hfsim.integrators import _often, collocation
 from hfsim.integrators._ordinary import MEMORY, PROGRAMS, Rule, State
 from hfsim.maths import kernel
+from hfsim.maths.recording import Recorder
 from hfsim.maths.replayed import Replayed, jittered
 from hfsim.maths.tape import NOTHING, Program, marched
 from hfsim.maths.traced import apart
@@ -24,6 +26,16 @@ def at_once(monkeypatch):
     monkeypatch.setattr(collocation, "LASTING", 0)
     for name in ("EARLY", "SEEN", "MANY"):
         monkeypatch.setattr(_often, name, 0)
+
+
+@contextmanager
+def recording(tape):
+    """Write down on a tape what a block does."""
+    Recorder.switch(tape)
+    try:
+        yield
+    finally:
+        Recorder.switch(None)
 
 
 def both(monkeypatch, call):

@@ -86,14 +86,14 @@ class Recorded(Marched):
 
     def _record(self, problem: Problem, kind: Kind, place: Place, given: Derivative | None) -> None:
         """Make a step on a tape; take hold of its memory and its programs."""
-        from hfsim.maths.recording import recording
+        from hfsim.maths.recording import on_tape
 
         n, tape, step = len(place.q), self._tape, self._inputs
         a0, where = tape.input(place.q), tape.input(together(here(problem, place)))
-        if given is not None:
-            given = rebuilt(given, tape.input)
-        with np.errstate(all="ignore"), recording(tape):
-            known = given or derived(problem, kind, *parted(where, n))
+        memory = None if given is None else rebuilt(given, tape.input)
+
+        def made() -> tuple[Derivative, Any, Any, _OnTape, Any, Any]:
+            known = memory or derived(problem, kind, *parted(where, n))
             frequency, turns = known.frequency(), problem.turns
             taken = where
             if turns:
@@ -123,6 +123,10 @@ class Recorded(Marched):
             end = own.end()
             tape.cut()
             self.follow(problem, end)
+            return known, frequency, taken, own, sizes, size
+
+        with np.errstate(all="ignore"):
+            known, frequency, taken, own, sizes, size = on_tape(tape, made)
         arrays = {name: one for name, one in arrays_in(known) if tape.knows(one)}
         strains = [] if own.expected is None else [own.expected]
         derivative = (frequency, taken, *arrays.values())

@@ -199,9 +199,12 @@ class Replay:
         self.held = None
         ahead = step.march(rule, state, room)
         last = ahead.tried or ahead.state
-        self.held, self._prepared = None if ahead.failed else held, last.ready
-        if last.renewed and not ahead.failed:
-            self._take(problem, int(last.renewed))
+        self._prepared = last.ready
+        if not ahead.failed:
+            if last.renewed:  # what was held is no longer there, also for one whom a signal ends here
+                self._take(problem, int(last.renewed))
+            else:
+                self.held = held
         count, begun = int(last.total), int(last.begun)
         counts.iterations += count
         counts.calls += count + begun

@@ -53,18 +53,23 @@ class Staged(Marched):
         agree(common(expected, found), common(found, found), 1.0 + np.abs(place.q).max(), near)
 
     def _record(self, problem: Problem, table: Nystrom) -> None:
-        from hfsim.maths.recording import recording
+        from hfsim.maths.recording import on_tape
 
         tape, place = self._tape, self._inputs
         rows, s, n = table.rows, len(table.nodes), len(place.q)
         a, row = (tape.input(np.zeros(shape)) for shape in ((s, n), rows.shape[1]))
         step = Step(problem, table, place)
-        with np.errstate(all="ignore"), recording(tape):
+
+        def made() -> Array:
             there = step.stage(row, a)
             tape.cut()
             end = step.end(a)
             tape.cut()
             self.follow(problem, end)
+            return there
+
+        with np.errstate(all="ignore"):
+            there = on_tape(tape, made)
         self.assemble(PARTS, there)
         self.a0, self.a, self.taken_at = np.zeros(n), plain(a), np.zeros(0)
         self._row, self._there = plain(row), plain(there)

@@ -159,8 +159,8 @@ def called(tape: Any, func: Any, args: Any, kwargs: Any) -> Any:
     memory: list[np.ndarray] = []
     bare = partial(_bare, tape, memory)
     args, kwargs = bare(tuple(args)), {name: bare(value) for name, value in kwargs.items()}
-    with tape.paused(), _tried_on(memory):
-        value = func(*args, **kwargs)
+    with _tried_on(memory):
+        value = tape.plainly(func, *args, **kwargs)
     if isinstance(value, np.ndarray) and tape.knows(value):
         if not value.size and any(one.size for one in memory):
             raise Refused(f"{func} finds nothing")  # in another state it may find something
@@ -212,11 +212,10 @@ class Recorder(Tape):
             return func._implementation(*args, **kwargs)
         return called(self, func, args, kwargs)
 
-    @contextmanager
-    def paused(self) -> Iterator[None]:
-        """Write nothing down for the time being."""
-        self.switch(None)
+    def plainly(self, function: Callable[..., Any], *args: Any, **how: Any) -> Any:
+        """Return what a function finds, and write nothing down."""
         try:
-            yield
+            self.switch(None)
+            return function(*args, **how)
         finally:
             self.switch(self)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import reduce
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from hfsim.maths.recorder import WHERE, Recorder, codes
 from hfsim.maths.tape import CODES, COMPLEX, REAL
 from hfsim.maths.traced import Recording, Refused, Traced, is_traced, plain, recorder
 
+_Result = TypeVar("_Result")
 LONGEST_SUM = 32
 """Terms of a cumulative sum that are written down one by one."""
 MOST_LETTERS = 5
@@ -290,27 +290,28 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_TURN.forked)
 
 
-@contextmanager
-def recording(tape: Recorder) -> Iterator[None]:
-    """Write down on a tape what is done with its memory."""
+def on_tape(tape: Recorder, function: Callable[[], _Result]) -> _Result:
+    """Return what a function finds; what it does with the memory of a tape is written down.
+
+    Signals raise where calls begin and end: a context manager might not even begin to end.
+    """
+    assert replay is not None
     with _TURN.lock:
         before, _TURN.owner = Recording.tape, threading.get_ident()
         try:
             _set(tape)
-            yield
-        finally:  # not by a call, before which a signal could raise
+            return function()
+        finally:  # nothing here calls what is written in Python
             Recording.tape = before
-            NUMPY.update(ORIGINAL if before is None else REPLACED)
-            _record(before)
+            try:
+                NUMPY.update(ORIGINAL if before is None else REPLACED)
+            finally:
+                replay.record(None if before is None else before.core)
 
 
 def _set(tape: Recorder | None) -> None:
     Recording.tape = tape
     NUMPY.update(ORIGINAL if tape is None else REPLACED)
-    _record(tape)
-
-
-def _record(tape: Recorder | None) -> None:
     assert replay is not None
     replay.record(None if tape is None else tape.core)
 

@@ -64,7 +64,7 @@ class Replayed(Generic[_Result]):
 
     def _record(self, given: tuple[Any, ...]) -> None:
         from hfsim.maths.recorder import Recorder
-        from hfsim.maths.recording import recording
+        from hfsim.maths.recording import on_tape
 
         try:
             # NumPy goes first: what is kept when it is first asked for must not be made on the tape
@@ -73,8 +73,8 @@ class Replayed(Generic[_Result]):
             scale = max(map(magnitude, expected))
             tape = Recorder()
             inputs = [tape.input(np.asarray(one, dtype=float)) for one in given]
-            with np.errstate(all="ignore"), recording(tape):
-                result = self._function(*inputs)
+            with np.errstate(all="ignore"):
+                result = on_tape(tape, partial(self._function, *inputs))
             self._several, outputs = isinstance(result, tuple), _arrays(result)
             tape.cut()
             (self._program,) = tape.programs(*filter(tape.knows, outputs))

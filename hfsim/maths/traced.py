@@ -181,8 +181,7 @@ def product(matrix: Matrix, a: Array) -> Array:
     if is_sparse(matrix):
         if Recording.tape is None:
             return np.asarray(matrix @ a)
-        with Recording.tape.paused():
-            matrix = dense(matrix)
+        matrix = Recording.tape.plainly(dense, matrix)
     return np.asarray(np.dot(matrix, a))
 
 

@@ -10,7 +10,7 @@ from natively import at_once, native
 
 from hfsim.maths import kernel
 from hfsim.maths.recorder import Recorder
-from hfsim.maths.recording import recording
+from hfsim.maths.recording import on_tape
 
 pytestmark = [native, pytest.mark.skipif(not hasattr(os, "fork"), reason="no processes of this kind")]
 SCENE = (
@@ -50,25 +50,24 @@ def recorders(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_a_pool_finds_what_one_process_finds(recorders, tmp_path):
-    """To the last digit, also where its processes are forked while another thread records."""
+    """To the last digit, also one that begins while another thread records: processes are not forked then."""
     alone = swept(tmp_path / "alone", 1)
     recorders.unlink()
+    assert swept(tmp_path / "pooled", 2) == alone and len(alone) == 8
+    assert len(set(recorders.read_text().split()) - {str(os.getpid())}) == 2
     stop = threading.Event()
 
     def record():
         while not stop.is_set():
-            with recording(Recorder()):
-                stop.wait(0.02)
+            on_tape(Recorder(), lambda: stop.wait(0.02))
 
     thread = threading.Thread(target=record)
     thread.start()
     try:
-        pooled = swept(tmp_path / "pooled", 2)
+        assert swept(tmp_path / "beside", 2) == alone
     finally:
         stop.set()
         thread.join()
-    assert pooled == alone and len(alone) == 8
-    assert len(set(recorders.read_text().split()) - {str(os.getpid())}) == 2
 
 
 @pytest.mark.slow

@@ -26,6 +26,7 @@ LONG = {
     "pendulum": ("bodies.b1.elements=48", "solve.tolerance=1e-11", "solve.duration=50"),
 }
 """Cases with settings by which they take minutes, the second one in steps of some ten milliseconds."""
+HFSIM = str(CASES.parents[1])
 SOON = 5.0
 """Time in which a process has to end after a signal, files included; the machine may be busy [s]."""
 
@@ -57,9 +58,41 @@ def test_a_signal_ends_corrections_that_would_go_on():
     assert time.perf_counter() - begun < 2.0
 
 
-@pytest.mark.parametrize("name", ["pendulum", pytest.param("heavy_top", marks=pytest.mark.slow)])
-def test_after_an_interruption_a_run_is_as_ever(name, monkeypatch):
-    """Whenever it came: the same scene, with the recordings made by then, gives the same to the last bit."""
+class Traced:
+    """Notes the lines of hfsim that are gone through, and raises an interruption at one of them."""
+
+    def __init__(self, at=-1):
+        self.lines, self._at = [], at
+
+    def __enter__(self):
+        sys.settrace(self._of)
+
+    def __exit__(self, *raised):
+        sys.settrace(None)
+
+    def _of(self, frame, event, arg):
+        code = frame.f_code  # `on_tape` ends without calls: signals raise where calls begin and end
+        return self._line if code.co_filename.startswith(HFSIM) and code.co_name != "on_tape" else None
+
+    def _line(self, frame, event, arg):
+        if event == "line":
+            self.lines.append((frame.f_code.co_filename, frame.f_lineno))
+            if len(self.lines) > self._at >= 0:
+                sys.settrace(None)
+                raise KeyboardInterrupt
+        return self._line
+
+
+@pytest.mark.parametrize(
+    ("name", "files"),
+    [
+        ("pendulum", "integrators/_replayed.py"),
+        pytest.param("pendulum", "", marks=pytest.mark.slow),
+        pytest.param("heavy_top", "", marks=pytest.mark.slow),
+    ],
+)
+def test_after_an_interruption_a_run_is_as_ever(name, files, monkeypatch, rng):
+    """In whichever line it came: the scene, with what was recorded by then, does the same to the last bit."""
     at_once(monkeypatch)
 
     def scene():
@@ -70,20 +103,25 @@ def test_after_an_interruption_a_run_is_as_ever(name, monkeypatch):
         return done.stop, [step.q.tobytes() for step in (*done.trajectory.segments, done.trajectory)]
 
     run(scene())
-    begun = time.perf_counter()
-    stop, whole = run(scene())
-    took, stops = time.perf_counter() - begun, []
-    assert stop is None
-    for share in (0.1, 0.3, 0.45, 0.6, 0.75):
+    _, whole = run(scene())
+    traced, often, again = Traced(), {}, scene()
+    with traced:
+        assert run(again) == (None, whole)
+    for k, (file, line) in enumerate(traced.lines):
+        if file.endswith(files):
+            often.setdefault((file, line), []).append(k)
+    assert len(often) > 30
+    stops = []
+    for times in often.values():
         again = scene()
-        with suppress(KeyboardInterrupt), interrupted(share * took):
+        with suppress(KeyboardInterrupt), Traced(rng.choice(times)):
             stop, path = run(again)
             stops.append(stop)
             assert path[:-1] == whole[: len(path) - 1]
         assert Recording.tape is None
         assert all(NUMPY[one] is own for one, own in ORIGINAL.items())
         assert run(again) == (None, whole)
-    assert any(isinstance(stop, KeyboardInterrupt) for stop in stops)
+    assert stops and None not in stops
 
 
 @pytest.mark.slow

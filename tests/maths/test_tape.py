@@ -9,9 +9,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from natively import recording
 
 from hfsim.maths import kernel
-from hfsim.maths.recording import Recorder, recording
+from hfsim.maths.recorder import Recorder
 from hfsim.maths.replayed import Replayed
 from hfsim.maths.traced import Refused, apart, outside, plain, row_products, sometimes
 
