@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from hfsim.mechanics.force import merged
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Twist
 from hfsim.mechanics.system import System
-from hfsim.parts.bodies.models import MODELS, Model
+from hfsim.parts.bodies.models import Model
 from hfsim.scene.acting import acting, thrown
 from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Linkage
@@ -37,6 +37,7 @@ from hfsim.scene.points import find_marker
 from hfsim.scene.redundancy import Redundancy, redundancy
 from hfsim.scene.rules import LeftOut, apply_rules, connected, keeps, owners, still_bodies
 from hfsim.scene.schema import Deck
+from hfsim.scene.stepping import kinds_of, stepping
 
 _Found = TypeVar("_Found")
 
@@ -280,11 +281,12 @@ def _kinds(loaded: LoadedDeck, models: Mapping[str, str]) -> dict[str, Model]:
     for beam, one in models.items():
         if lacks := loaded.deck.bodies[beam].lacking(one, loaded.deck.dimension):
             raise loaded.problem(f"bodies.{beam}", *lacks)
-    elements = {beam: loaded.deck.bodies[beam].element for beam in models}
-    return {
-        beam: MODELS[one].stepping_in(_coordinates(loaded, one, elements[beam]), elements[beam])
-        for beam, one in models.items()
-    }
+    kinds, method = kinds_of(loaded.deck, models), loaded.deck.solve.method
+    for beam, kind in kinds.items():
+        if kind.varying_mass and steps_in_absolute_coordinates(method):
+            why = f"{method} needs a constant mass matrix, and that of {models[beam]} changes with the motion"
+            raise loaded.problem("solve.method", why, "take gauss, or another model")
+    return kinds
 
 
 def _part(scene: Scene, group: tuple[str, ...], still: tuple[str, ...]) -> Part:
@@ -299,6 +301,7 @@ def _part(scene: Scene, group: tuple[str, ...], still: tuple[str, ...]) -> Part:
         "springs": tied(deck.springs),
         "loads": {k: load for k, load in deck.loads.items() if load.owner in there},
         "initial": deck.initial_of(there),
+        "solve": deck.solve.model_copy(update={"coordinates": stepping(deck, scene.models)}),
     }
     own = {name: model for name, model in scene.models.items() if name in there}
     part = build(LoadedDeck(deck.model_copy(update=update), scene.loaded.source), scene.model, own)
@@ -311,23 +314,6 @@ def _part(scene: Scene, group: tuple[str, ...], still: tuple[str, ...]) -> Part:
 def _moving_columns(bodies: dict[str, Body], still: tuple[str, ...]) -> IntArray:
     moving = (body.columns for name, body in bodies.items() if name not in still)
     return np.concatenate([np.arange(columns.start, columns.stop) for columns in moving])
-
-
-def _coordinates(loaded: LoadedDeck, model: str, element: str | None) -> Literal["auto", "frame", "absolute"]:
-    """Return the coordinates to make steps in: those with a constant mass matrix where a method needs it.
-
-    Raises
-    ------
-    DeckError
-        If the model has none.
-    """
-    solve = loaded.deck.solve
-    if not steps_in_absolute_coordinates(solve.method):
-        return solve.coordinates
-    if MODELS[model].stepping_in("absolute", element).varying_mass:
-        why = f"{solve.method} needs a constant mass matrix, and that of {model} changes with the motion"
-        raise loaded.problem("solve.method", why, "take gauss, or another model")
-    return "absolute"
 
 
 def _bodies(

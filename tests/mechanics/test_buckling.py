@@ -158,10 +158,13 @@ def test_a_model_without_stiffening_says_that_it_does_not_buckle():
     run = hfsim.static(parse_deck(PORTAL, overrides=["solve.model=linear"]), buckling=3)
     assert min(run.statistics["critical"]) > 0.0
     assert any("how it buckles: --model exact" in one for one in run.statistics["warnings"])
-    straight = hfsim.static(parse_deck(LEANING, overrides=["solve.model=linear"]), buckling=3)
+    settings = ["solve.model=linear", "solve.coordinates=frame"]
+    straight = hfsim.static(parse_deck(LEANING, overrides=settings), buckling=3)
     assert straight.statistics["critical"] == [] and "singular" in straight.statistics["critical_reason"]
     assert straight.statistics["critical_reached"] == []
     assert any("how it buckles: --model exact" in one for one in straight.statistics["warnings"])
+    pressed_to_nothing = hfsim.static(parse_deck(LEANING, overrides=settings[:1]), buckling=1)
+    assert pressed_to_nothing.statistics["critical"] == pytest.approx([1.0e7], rel=1e-3)
 
 
 TRUSS = """

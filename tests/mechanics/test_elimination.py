@@ -102,8 +102,10 @@ MULTIPLIERS = {
 }
 
 
-def scene_of(name, damping=""):
-    return build(parse_deck(HEAD.replace("2.0e7", f"2.0e7{damping}") + SCENES[name]))
+def scene_of(name, damping="", model="ancf"):
+    """Return a scene whose steps are made in absolute coordinates."""
+    settings = [f"solve.model={model}", "solve.coordinates=absolute"]
+    return build(parse_deck(HEAD.replace("2.0e7", f"2.0e7{damping}") + SCENES[name], overrides=settings))
 
 
 @pytest.fixture(params=[hfsim.mechanics.equations.FEW, -1], ids=["joint coordinates", "whole matrix"])
@@ -199,9 +201,10 @@ def test_linearised_equations_are_the_slope_of_the_accelerations(name):
     assert found == pytest.approx(expected, abs=2e-5 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("model", ["ancf", "linear"])
 @pytest.mark.parametrize("name", SCENES)
-def test_natural_increments_go_there_and_back(name):
-    system = (scene := scene_of(name)).system
+def test_natural_increments_go_there_and_back(name, model):
+    system = (scene := scene_of(name, model=model)).system
     q, _ = states(scene, 2, 0.05)
     rng = np.random.default_rng(3)
     at = system.natural.geometry(q)
@@ -213,9 +216,26 @@ def test_natural_increments_go_there_and_back(name):
     assert finite == pytest.approx(small, abs=1e-8 * np.abs(small).max())
 
 
+@pytest.mark.parametrize("model", ["ancf", "linear"])
+@pytest.mark.parametrize("name", ["chain", "from the tip", "clamped", "loop"])
+def test_rates_of_natural_increments_change_as_they_say(name, model):
+    """Second ones are derivatives of first ones, where nothing is mounted on what turns by itself."""
+    system = (scene := scene_of(name, model=model)).system
+    (q, v), h = states(scene, 1, 0.05), 1e-4
+    a = np.random.default_rng(7).normal(size=q.shape)
+
+    def first(t):
+        return system.natural.rates(system.natural.geometry(q + t * v + 0.5 * t * t * a), v + t * a, a)[0]
+
+    second = system.natural.rates(system.natural.geometry(q), v, a)[1]
+    found = (8.0 * (first(h) - first(-h)) - (first(2 * h) - first(-2 * h))) / (12.0 * h)
+    assert found == pytest.approx(second, abs=1e-7 * np.abs(second).max())
+
+
+@pytest.mark.parametrize("model", ["ancf", "linear"])
 @pytest.mark.parametrize("name", SCENES)
-def test_forces_do_the_same_work_on_natural_increments(name):
-    system = (scene := scene_of(name)).system
+def test_forces_do_the_same_work_on_natural_increments(name, model):
+    system = (scene := scene_of(name, model=model)).system
     q, _ = states(scene, 2, 0.05)
     rng = np.random.default_rng(4)
     at = system.natural.geometry(q)

@@ -19,6 +19,7 @@ from hfsim.mechanics.force import ForcePart, difference
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.nodal import NodalBeam
 from hfsim.parts.bodies.planar_frame import relative_nodes
+from hfsim.parts.bodies.planar_natural import PlanarIncrements
 
 LIMIT_LENGTHS = 10.0
 """Displacement over length at which a beam of the model linear has broken down."""
@@ -55,8 +56,18 @@ class LinearBeam(NodalBeam):
     def _stretch(self, seen: Deformation) -> Array:
         return np.asarray(seen.axial[0])
 
-    def increments(self) -> None:
-        """Return None: in the body frame the stiffness is constant."""
+
+@frozen
+class PlanarLinearBeam(LinearBeam):
+    """The same in the plane."""
+
+    def increments(self) -> PlanarIncrements | None:
+        """Return those in the axes of the root; None in its frame, where the stiffness is constant."""
+        if self.framed:
+            return None
+        from hfsim.parts.bodies.planar_rooted import RootedBeams
+
+        return RootedBeams(self.columns, 1, self.mesh.element.stride)
 
 
 def linearised(beam: Blueprint, kind: type[LinearElasticForce]) -> LinearElasticForce:

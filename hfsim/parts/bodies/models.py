@@ -108,7 +108,7 @@ MODELS: dict[str, Model] = {
         flat="planar_rigid_section_beam:PlanarRigidSectionBeam",
     ),
     "linear": Model(
-        "linear:LinearBeam",
+        "linear:PlanarLinearBeam",
         frame=True,
         strain="linear",
         leaves_out=("foreshortening", "stiffening", "twist"),

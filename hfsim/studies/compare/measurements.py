@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from hfsim.integrators import steps_in_absolute_coordinates
 from hfsim.marching.distance import channel_errors
 from hfsim.marching.solution import Run
 from hfsim.marching.stop import Progress, Share, nobody
-from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import Deck, SolveSpec
+from hfsim.scene.stepping import kinds_of
 from hfsim.simulate import simulate
 from hfsim.studies.farm import Executor
 from hfsim.studies.timing import uninterrupted
@@ -143,8 +142,6 @@ def looser(solve: SolveSpec) -> tuple[dict[str, float], float]:
 
 def coordinates_of(deck: Deck, model: str) -> str:
     """Return the coordinates in which steps of a model are made, ``frame`` or ``absolute``, or both."""
-    solve = deck.solve
-    stated = "absolute" if steps_in_absolute_coordinates(solve.method) else solve.coordinates
-    elements = {body.element for body in deck.bodies.values() if not body.rigid}
-    framed = {MODELS[model].stepping_in(stated, element).frame for element in elements}
+    beams = [name for name, body in deck.bodies.items() if not body.rigid]
+    framed = {kind.frame for kind in kinds_of(deck, dict.fromkeys(beams, model)).values()}
     return " and ".join("frame" if one else "absolute" for one in sorted(framed)) or "absolute"
