@@ -14,6 +14,8 @@ ROUNDING = 1e-10
 fine meshes the stiffest modes amplify it so far."""
 LAST_DIGIT = 4e-16
 """Corrections, relative to the largest coordinate, that are rounding."""
+BEYOND = 1e3
+"""Consequences of a correction, relative to the largest coordinate, with which there is no hope."""
 
 
 def limits(tolerance: float) -> tuple[float, float, float]:
@@ -35,7 +37,7 @@ class Ending:
 
     def __init__(self, q: Array, tolerance: float) -> None:
         size = float(size_of(q))
-        self._limits = tuple(limit * size for limit in limits(tolerance))
+        self._limits = tuple(limit * size for limit in (*limits(tolerance), BEYOND))
         self._before = self._last = self._rate = np.inf
 
     def after(self, k: int, change: float, size: float) -> bool | None:
@@ -49,13 +51,13 @@ class Ending:
         size : float
             Size of the correction.
         """
-        (goal, near, last_digit), ratio = self._limits, change / self._last
+        (goal, near, last_digit, beyond), ratio = self._limits, change / self._last
         self._rate = rate = ratio if k <= 1 else max(ratio, 0.5 * self._rate)
         settled = k > 0 and rate < 1.0 and change * max(rate, 0.05) < goal * (1.0 - rate)
         rounding = size < near and k > 2 and ratio > 0.9
         if change < 0.05 * goal or settled or rounding or size < last_digit:
             return True
-        if not change < 1e3 or (k > 3 and change > 0.8 * self._before):
+        if not change < beyond or (k > 3 and change > 0.8 * self._before):
             return False
         self._before, self._last = self._last, change
         return None

@@ -4,14 +4,14 @@
 #include <string.h>
 
 /* Whether an iteration has converged (1) or failed (-1) with a correction; see Ending in integrators/_ending.py. */
-typedef struct { double goal, near, last_digit, before, last, rate; } Ending;
+typedef struct { double goal, near, last_digit, beyond, before, last, rate; } Ending;
 static int ended(Ending *e, int k, double change, double size) {
     double ratio = change / e->last, held = 0.5 * e->rate;
     e->rate = k <= 1 || !(held > ratio) ? ratio : held;
     int settled = k > 0 && e->rate < 1.0 && change * (0.05 > e->rate ? 0.05 : e->rate) < e->goal * (1.0 - e->rate);
     int rounding = size < e->near && k > 2 && ratio > 0.9;
     if (change < 0.05 * e->goal || settled || rounding || size < e->last_digit) return 1;
-    if (!(change < 1e3) || (k > 3 && change > 0.8 * e->before)) return -1;
+    if (!(change < e->beyond) || (k > 3 && change > 0.8 * e->before)) return -1;
     e->before = e->last; e->last = change;
     return 0;
 }
@@ -65,7 +65,7 @@ static int attempted(const March *m) {
     if (part(m, REACH) || (s->ready != h && part(m, PREPARE))) return -1;
     s->ready = h;
     const double scale = *m->at[SCALE];
-    Ending e = {r->goal * scale, r->near * scale, r->last_digit * scale, HUGE_VAL, HUGE_VAL, HUGE_VAL};
+    Ending e = {r->goal * scale, r->near * scale, r->last_digit * scale, 1e3 * scale, HUGE_VAL, HUGE_VAL, HUGE_VAL};
     while (!outcome && k < r->most) {
         if (PyErr_CheckSignals() || part(m, CORRECT)) return -1;
         const double found = *size;

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from integrated import integrate
 
+import hfsim
 from hfsim.errors import LimitReached, SolverFailure
 from hfsim.integrators import Limits, Problem, Segment, Trajectory, _trajectory
 from hfsim.integrators._tableau import gauss, legendre, radau
@@ -17,6 +18,7 @@ from hfsim.integrators.explicit import Explicit
 from hfsim.integrators.gear import GEAR, GROWING, Gear
 from hfsim.integrators.generalized_alpha import GeneralizedAlpha
 from hfsim.marching.integration import run_integration
+from hfsim.maths import kernel
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 
@@ -632,3 +634,26 @@ def test_orders_let_modes_grow_where_they_are_said_to(order):
     growth = GEAR.stability.growth(angles, order) - 1.0
     assert (growth[~inside] < 2e-3).all()
     assert not inside.any() or growth[inside].max() > 0.04
+
+
+@pytest.mark.parametrize("way", ["native", "numpy"])
+def test_corrections_that_lead_too_far_do_so_in_any_unit_of_length(way, monkeypatch):
+    """Those of a pendulum of a thousand kilometres were given up for being more than a kilometre."""
+    if way == "native" and kernel.KERNEL == "numpy":
+        pytest.skip("the kernel was not built")
+    monkeypatch.setattr(kernel, "KERNEL", way)
+
+    body = {"type": "rigid", "mass": 1.0}
+
+    def steps(length):
+        scene = {
+            "hfsim": 1,
+            "gravity": [0.0, -9.81 * length],
+            "bodies": {"b": body | {"inertia": 0.1 * length**2, "points": {"p": [-length, 0.0]}}},
+            "joints": {"pin": {"type": "revolute", "between": ["ground", "b.p"]}},
+            "initial": {"pin": {"angle": 0.3}},
+            "solve": {"duration": 5.0, "method": "gauss", "tolerance": 1e-6},
+        }
+        return hfsim.run(scene, error_estimate=False).statistics["steps"]
+
+    assert steps(1e6) <= steps(1.0) + 2
