@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from analytical import along, cable_row, cable_row_x, cable_row_xx, gauss, jacobian, turned, twice_along
+from tangents import check_tangents
 
 from hfsim.maths.matrices import assemble
 from hfsim.mechanics.deformation import Deformation
@@ -278,6 +279,14 @@ def test_linear_force_is_the_slope_of_its_energy(element, rng):
     part = part_of(scene, LinearElasticForce)
     x = system.absolute(deformed(scene, rng, 1)[0])
     close(force_of(part, x)[0], -jacobian(part.strain_energy, x[0]), 1e-9)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.01])
+@pytest.mark.parametrize("options", ["element: cable", "element: continuum", "degree: 5"])
+def test_linear_force_has_its_derivatives(options, damping, rng):
+    system = (scene := scene_of("linear", options, damping=damping)).system
+    x = system.absolute(deformed(scene, rng, 1, 0.2)[0])
+    check_tangents(part_of(scene, LinearElasticForce), x, rng.normal(size=x.shape), 1e-4, 1e-7)
 
 
 def test_linear_energy_is_quadratic_in_the_body_frame(rng):

@@ -61,6 +61,10 @@ class LinearBeam(NodalBeam):
 class PlanarLinearBeam(LinearBeam):
     """The same in the plane."""
 
+    @property
+    def _kind(self) -> type[LinearElasticForce]:
+        return PlanarLinearForce
+
     def increments(self) -> PlanarIncrements | None:
         """Return those in the axes of the root; None in its frame, where the stiffness is constant."""
         if self.framed:
@@ -220,6 +224,34 @@ class LinearElasticForce(ForcePart):
         """Return the power of the damping."""
         rates = self.rates(x, u)
         return np.asarray(-np.sum((rates @ self.damping) * rates, axis=-1))
+
+
+@frozen
+class PlanarLinearForce(LinearElasticForce):
+    """The same with its derivative in closed form."""
+
+    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus the derivative of the force by x in one state: B^T K B, and how B changes.
+
+        Displacements change by B dx.  The frame turns by w dx with the slope at the root, which stretches by
+        s dx: so B dx changes by w dx (w dx p - 2 i B dx) + 2 i s dx w dx p.
+        """
+        units = np.zeros((len(self.support), x.shape[1]))
+        units[np.arange(len(units)), self.support] = 1.0
+        flat, p, frame = self._deformation(x)
+        B, K = self.rates(np.repeat(x, len(units), axis=0), units), self.stiffness
+        turning = 1j * as_complex((flat @ K).reshape(self.undeformed.shape))
+        aside = as_vectors(turning).reshape(-1)
+        stretch, turn = np.zeros((2, len(units)))
+        stretch[2:4], turn[2:4] = (as_vectors(way * frame)[0, 0] / p[0, 1].real for way in (1.0, 1j))
+        drawn = B @ aside + 0.5 * np.sum((turning.conj() * (1j * p[0])).real) * turn
+        pulled = drawn - np.sum((turning.conj() * p[0]).real) * stretch
+        found = self._onto_nodes(B @ K, p, frame) + np.outer(turn, pulled) + np.outer(pulled, turn)
+        if self.uses_rates:
+            damped = self._damper
+            more = difference(lambda moved: damped._resistance(t, moved, u), x, self.support, fine=True)
+            found = found + more.values.reshape(found.shape)
+        return Entries.of_block(self.support, self.support, found)
 
 
 @frozen
