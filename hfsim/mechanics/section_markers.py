@@ -15,6 +15,9 @@ from hfsim.mechanics.markers import ROUNDING
 from hfsim.mechanics.products import LinearVector
 from hfsim.mechanics.spatial_markers import VectorMarker
 
+HALF = np.sqrt(0.5)
+"""Sine and cosine of half a right angle."""
+
 
 @frozen
 class SectionMarker(VectorMarker):
@@ -57,14 +60,16 @@ class SectionMarker(VectorMarker):
         return np.asarray((level @ self._square(x)).swapaxes(1, 2))
 
     def _square(self, x: Array) -> Array:
-        """Return axes of unit length and at right angles next to d1, d2, d3, shape (n_batch, 3, 3)."""
+        """Return axes of unit length and at right angles next to d1, d2, d3, shape (n_batch, 3, 3).
+
+        From each section vector, half of what is missing of a right angle between them.
+        """
         d = self._triad(x)
         d = d / np.linalg.norm(d, axis=-1, keepdims=True)
-        # half of what is missing of a right angle to each of both section vectors
-        off = 0.5 * np.sum(d[:, 1] * d[:, 2], axis=-1, keepdims=True)
-        y = d[:, 1] - off * d[:, 2]
-        y = y / np.linalg.norm(y, axis=-1, keepdims=True)
-        return np.stack([d[:, 0], y, cross(d[:, 0], y)], axis=1)
+        # the sum and the difference of two unit vectors are at right angles
+        between, across = d[:, 1] + d[:, 2], d[:, 1] - d[:, 2]
+        between, across = (HALF / np.sqrt(dot(one, one)) * one for one in (between, across))
+        return np.stack([d[:, 0], between + across, between - across], axis=1)
 
     def linear_axis(self, a: Array) -> LinearVector | None:
         """Return combinations of d2 and d3; None of d1."""
@@ -99,16 +104,35 @@ class SectionMarker(VectorMarker):
         return Entries.of_block(self.support, self.support, one + one.T)
 
     def spin_jacobian(self, x: Array) -> Array:
-        """Return half the matrix of the sum of d x d' over its axes, d1' from d2' and d3'."""
+        """Return the derivative of the turn of `frame`, of any d2 and d3.
+
+        It tilts with the plane of both, and turns about d1 as they do on average.
+        """
         d = self._triad(x)
-        along = d[:, :1, None, :] * np.stack([-d[:, 2], d[:, 1]], axis=1)[..., None]
-        return self._by_vectors(0.5 * (skew(d[:, 1:]) + along))
+        n, y, z = d[:, :1], d[:, 1:2], d[:, 2:]
+        area = np.sqrt(dot(n, n))
+        e = n / area
+        tilts = np.concatenate([-z, y], axis=1) / area
+        turns = 0.5 * np.concatenate([cross(e, y) / dot(y, y), cross(e, z) / dot(z, z)], axis=1)
+        return self._by_vectors(tilts[..., None] * e[:, :, None] + e[..., None] * turns[:, :, None])
 
     def spin_bias(self, x: Array, u: Array) -> Array:
         """Return what of its angular acceleration does not come from those of d2 and d3."""
         d, rate = self._triad(x), self._combined(u, self.axis_rows)
-        first = cross(rate[:, 0], d[:, 2]) + cross(d[:, 1], rate[:, 1])
+        n, y, z = d[:, 0], d[:, 1], d[:, 2]
+        area = np.sqrt(dot(n, n))
+        e, changed = n / area, cross(rate[:, 0], z) + cross(y, rate[:, 1])
+        growth = dot(e, changed) / area
+        swung = changed / area - growth * e
 
-        y, z = rate[:, 0], rate[:, 1]
-        changed = y * dot(d[:, 0], z) - z * dot(d[:, 0], y)
-        return 0.5 * (changed + d[:, 1] * dot(first, z) - d[:, 2] * dot(first, y))
+        def tilted(y: Array, z: Array, e: Array) -> Array:
+            return np.asarray((y * dot(e, rate[:, 1]) - z * dot(e, rate[:, 0])) / area)
+
+        turn, more = np.zeros_like(area), np.zeros_like(area)
+        for one, moved in ((y, rate[:, 0]), (z, rate[:, 1])):
+            size, about = dot(one, one), cross(one, moved)
+            own = 0.5 * dot(e, about) / size
+            turn = turn + own
+            more = more + 0.5 * dot(swung, about) / size - 2.0 * own * dot(one, moved) / size
+        tilting = tilted(rate[:, 0], rate[:, 1], e) + tilted(y, z, swung) - growth * tilted(y, z, e)
+        return np.asarray(tilting + more * e + turn * swung)

@@ -199,6 +199,31 @@ def test_spin_of_a_section_is_its_angular_velocity(rng):
     assert marker.spin_bias(x, u)[0] == pytest.approx(bias, abs=1e-8)
 
 
+@pytest.mark.parametrize("name", ["section", "gradient", "turned", "tangential", "frame"])
+def test_spin_is_that_of_the_frame_whatever_the_axes(name, rng):
+    """Between nodes, section vectors have neither unit length nor right angles."""
+    marker, (at, x, u, a) = MARKERS[name], path(rng)
+    frame = marker.frame(x[None])[0]
+    assert np.allclose(frame.T @ frame, np.eye(3), rtol=0.0, atol=1e-14)
+    changed = slope(lambda s: marker.frame(at(s)).reshape(len(s), 9)).reshape(3, 3)
+    assert changed @ frame.T == pytest.approx(skew(marker.spin(x[None], u[None])[0]), abs=1e-8)
+    for own in (np.eye(3)[1], rng.normal(size=3)):
+        assert skew(marker.spin(x[None], u[None])[0]) @ marker.turned(x[None], own)[0] == pytest.approx(
+            slope(lambda s, own=own: marker.turned(at(s), own)), abs=1e-8
+        )
+    if name != "frame":
+        rates = slope(lambda s: marker.spin(at(s), u + np.outer(s, a)))
+        assert marker.angular_acceleration(x[None], u[None], a[None])[0] == pytest.approx(rates, abs=1e-7)
+
+
+def test_spin_of_a_strained_section_in_rigid_motion_is_the_angular_velocity(rng):
+    """A moment on it then gives the body the angular momentum that it says."""
+    marker, x, u = MARKERS["section"], state(rng)[None], np.zeros((1, N))
+    spin = rng.normal(size=3)
+    u[0, SECTION] = cross(spin, x[0, SECTION].reshape(-1, 3)).ravel()
+    assert marker.spin(x, u)[0] == pytest.approx(spin, abs=1e-13)
+
+
 def test_spin_of_gradient_vectors_is_that_of_their_frame(rng):
     """Stretch and shear of the section in its own plane, and any change of r_x, do not turn it."""
     marker, x, u = MARKERS["gradient"], state(rng)[None], np.zeros((1, N))

@@ -221,6 +221,64 @@ def test_tangents_are_derivatives(n_dim, slip):
     check_tangents(part, x, u, 1e-7, 2e-4)
 
 
+def carried(**touch):
+    """A ball that strikes a plane that a free beam in space carries between two nodes, or a wheel there."""
+    return parsed({
+        "hfsim": 1,
+        "gravity": 3 * [0.0],
+        "materials": {"nylon": {"density": 1150, "youngs_modulus": 1e8, "poisson_ratio": 0.0}},
+        "sections": {"bar": {"shape": "rectangle", "width": 0.02, "height": 0.02}},
+        "bodies": {
+            "bar": {"type": "beam", "material": "nylon", "section": "bar", "length": 1.0, "elements": 1,
+                    "points": {"m": [0.7, 0.0, 0.0]}},
+            "ball": {"type": "rigid", "mass": 0.3, "inertia": 3 * [1e-4]},
+        },
+        "springs": {"floor": {"type": "contact", "between": ["bar.m", "ball"], "normal": [0.1, 1.0, 0.1],
+                              "radius": 0.05, "stiffness": 2e4, **touch}},
+        "initial": {
+            "bar": {"position": 3 * [0.0]},
+            "ball": {"position": [0.75, 0.1, 0.02], "velocity": [0.5, -3.0, 0.3],
+                     "angular_velocity": [5.0, 10.0, -20.0]},
+        },
+        "solve": {"duration": 0.06, "tolerance": 1e-8},
+        "output": {"interval": 0.002, "channels": [*MOMENTA[3], *MEASURED]},
+    })  # fmt: skip
+
+
+WHEEL = {"between": ["ball", "bar.m"], "normal": [0.1, -1.0, 0.1], "axis": [0.1, 0.2, 1.0]}
+
+
+@pytest.mark.parametrize("touch", [{}, WHEEL], ids=["ball", "wheel"])
+def test_on_beams_between_nodes_no_energy_is_lost_and_momenta_stay(touch):
+    """The height's derivatives are true there, where section vectors have no right angles."""
+    found = run(carried(**touch))
+    assert found["floor.force"].max() > 10.0 and found["floor.force"][-1] == 0.0
+    np.testing.assert_allclose(found["energy.total"], found["energy.total"][0], rtol=1e-8)
+    for name in MOMENTA[3]:
+        np.testing.assert_allclose(found[name], found[name][0], atol=1e-9)
+
+
+def test_friction_on_beams_between_nodes_leaves_the_momenta():
+    found = run(carried(friction={"coefficient": 0.4, "velocity": 0.02}))
+    assert found["energy.total"][-1] < found["energy.total"][0] - 1e-3
+    for name in MOMENTA[3]:
+        np.testing.assert_allclose(found[name], found[name][0], atol=1e-9)
+
+
+@pytest.mark.parametrize("touch", [{}, WHEEL], ids=["ball", "wheel"])
+def test_rows_are_derivatives_of_the_height_where_the_beam_is_strained(touch, rng):
+    scene = build(carried(**touch))
+    (part,) = (one for one in scene.system.forces if isinstance(one, ContactTie))
+    x = scene.system.absolute(scene.q[None])
+    own = scene.bodies["bar"].columns
+    x[:, own] += 0.05 * rng.normal(size=x[:, own].shape)
+    ((row,),) = (row for (_, end), row in zip(part._ends, part.measured(np.zeros(1), x)[1], strict=True)
+                 if end.columns == own)  # fmt: skip
+    moved = 1e-6 * np.eye(x.shape[1])[own]
+    ahead, behind = (part.measured(np.zeros(len(moved)), x + sign * moved)[0] for sign in (1.0, -1.0))
+    assert row == pytest.approx((ahead - behind) / 2e-6, abs=1e-8)
+
+
 def test_a_floor_may_open_and_what_starts_in_it_is_told():
     start = {"position": [0.0, RADIUS - resting(MASS * 9.81)]}
     found = run(ball(2, start, [0, -9.81], {"release": {"time": 0.2}}))
