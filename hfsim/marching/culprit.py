@@ -22,7 +22,7 @@ def non_finite(scene: Scene, t: float, q: Array, v: Array) -> SolverFailure | No
         A state beyond all scale, or not finite itself, is what steps have made of the motion, not the deck:
         the one at the start is looked at in its place, which laws of time alone can spoil.
     """
-    if not (_in_scale(q, scene.q) and _in_scale(v, scene.v)):
+    if not (in_scale(q, scene.q) and in_scale(v, scene.v)):
         q, v = scene.q, scene.v
     with np.errstate(all="ignore"):
         item, what = _offender(scene, t, q, v)
@@ -57,7 +57,8 @@ def _offender(scene: Scene, t: float, q: Array, v: Array) -> tuple[str, str]:
     return ("", "") if _usable(a) else (body_of(scene, ~_usable_each(a)), "the acceleration")
 
 
-def _in_scale(state: Array, start: Array) -> bool:
+def in_scale(state: Array, start: Array) -> bool:
+    """Tell whether a state is finite, and not beyond all scale of another."""
     return bool((np.abs(state) < FASTEST * max(1.0, float(np.abs(start).max(initial=0.0)))).all())
 
 

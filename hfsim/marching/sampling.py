@@ -189,13 +189,15 @@ class Outlines(NamedTuple):
 def outlines_of(samples: Sequence[SceneSamples]) -> Outlines:
     """Return times and outlines of all bodies over all legs; a rigid beam gets as many points as later.
 
-    Those of states that are out of all range at the end of a failed run are left out.
+    Those of states that are out of all range at the end of a failed run are left out.  A leg between two
+    output times has none.
     """
     times, outlines = np.concatenate([one.t for one in samples]), dict[str, Array]()
-    for name in samples[0].scene.bodies:
-        parts = [one.scene.bodies[name].outline(one.x) for one in samples]
-        most = max(part.shape[1] for part in parts)
-        outlines[name] = np.concatenate([_refined(part, most) for part in parts])
+    for name, body in samples[0].scene.bodies.items():
+        parts = [one.scene.bodies[name].outline(one.x) for one in samples if len(one.t)]
+        most = max((part.shape[1] for part in parts), default=1)
+        nowhere = np.zeros((0, most, len(body.origin)))
+        outlines[name] = np.concatenate([nowhere, *(_refined(part, most) for part in parts)])
     good = np.all([np.isfinite(one).all(axis=(1, 2)) for one in outlines.values()], axis=0)
     points = {name: one[good] for name, one in outlines.items()}
     return Outlines(times[good], points, samples, np.flatnonzero(good))

@@ -255,9 +255,13 @@ def _models(summary: Mapping[str, Any]) -> dict[str, str]:
     for n, one in enumerate(auto["switches"], 1):
         rows[f"change {n}"] = (
             f"{one['time']:.4g} s: {one['body']} from {one['model']} to {one['next_model']}: "
-            f"{one['reason']}; energy {one['energy_gained']:+.2g} J"
+            f"{one['reason']}; energy {_gained(one['energy_gained'])}"
         )
     return rows
+
+
+def _gained(energy: float | None) -> str:
+    return "beyond all numbers" if energy is None else f"{energy:+.2g} J"
 
 
 _CLASSES = {

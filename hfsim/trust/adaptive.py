@@ -181,11 +181,20 @@ class _Adaptive:
             self.course.discarded_steps += len(done.trajectory.segments) - len(kept.trajectory.segments)
             if kept.trajectory.segments:
                 self._keep(scene, kept, begin)
-            scene, begin = self._moved_up(scene, kept.trajectory, leaving), at
+            try:
+                scene, begin = self._moved_up(scene, kept.trajectory, leaving), at
+            except SolverFailure as failure:
+                self._end(failure)
+                return self.course
 
     def _keep(self, scene: Scene, done: Integration, begin: float) -> None:
         done = done._replace(stop=self.record.keep(scene, done.trajectory, done.problem.counts) or done.stop)
         self.course.legs.append(Leg(scene, done, self.record.legs[-1], begin))
+
+    def _end(self, failure: SolverFailure) -> None:
+        """Let what was kept end with a failure."""
+        leg = self.course.legs[-1]
+        self.course.legs[-1] = leg._replace(done=leg.done._replace(stop=failure))
 
     def _first_scene(self) -> Scene:
         """Assemble the scene with rigid beams, or, where these cannot move, with flexible ones."""

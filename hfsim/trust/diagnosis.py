@@ -86,6 +86,11 @@ def _bad_numbers(stop: SolverFailure, trial: Experiments) -> SolverFailure | Non
     return replace(stop, remedy=f"{stop.remedy}, then: hfsim run {file}")
 
 
+def _no_way_over(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
+    """A change of models that found no state to go on from: as it says itself."""
+    return stop if "next_model" in stop.evidence else None
+
+
 def _too_long(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
     """Steps as long as ever, few of which are rejected, in a run that would take too many of them."""
     path, share = trial.done.trajectory, stop.evidence.get("rejected_share")
@@ -302,7 +307,7 @@ def linearised(problem: Problem, t: float, q: Array, v: Array) -> tuple[Array, A
 
 
 HYPOTHESES = (
-    *(_dead_centre, _bad_numbers, _truncated_model, _wound_up, _without_mass),
+    *(_no_way_over, _dead_centre, _bad_numbers, _truncated_model, _wound_up, _without_mass),
     *(_crushed, _method, _too_long),
 )
 """In the order in which they are tried; the first that holds is the cause."""

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfsim.integrators import Trajectory
-from hfsim.marching.integration import run_integration
+from hfsim.errors import SolverFailure
+from hfsim.marching.integration import Integration, run_integration
 from hfsim.marching.record import Record
 from hfsim.marching.stop import Budget, Progress
 from hfsim.maths.arrays import Array
@@ -147,13 +147,17 @@ def _again(run: Compared, second: Second, guard: Progress, seconds: float) -> tu
     Models change where they did in the run: how good they are is not judged here.
     """
     record, ends = Record(balanced=False), list[Array]()
-    before: tuple[Scene, Trajectory] | None = None
+    before: tuple[Scene, Integration] | None = None
     for leg in run.legs:
         scene, start = leg.scene, None
         if before is not None:
             from hfsim.trust.handover import hand_over
 
-            scene = hand_over(before[0], scene, before[1])[0]
+            try:
+                scene = hand_over(before[0], scene, before[1].trajectory)[0]
+            except SolverFailure as failure:
+                done = before[1]._replace(stop=failure)
+                return record, why_not(done, second.words, seconds), np.concatenate(ends)
             start = (leg.begin, scene.q, scene.v)
         update = {"max_steps": None, **second.update, "duration": leg.done.trajectory.t_end}
         solve = scene.deck.solve.model_copy(update=update)
@@ -162,5 +166,5 @@ def _again(run: Compared, second: Second, guard: Progress, seconds: float) -> tu
         ends.append(again.trajectory.step_ends())
         if reason:
             return record, reason, np.concatenate(ends)
-        before = scene, again.trajectory
+        before = scene, again
     return record, "", np.concatenate(ends)

@@ -178,9 +178,7 @@ class Experiments:
 
     def command_exact(self, name: str, force: bool = False) -> str:
         """Return the command that runs the deck with a beam in the model exact."""
-        own = getattr(self.scene.deck.bodies[name], "model", None) is not None
-        key = f"bodies.{name}.model" if own else "solve.model"
-        return command(self.scene.loaded, {key: LADDER[-1]}, force)
+        return command_exact(self.scene, name, force)
 
 
 def joint_dependence(scene: Scene, q: Array) -> Dependence:
@@ -209,6 +207,12 @@ def _independent(rows: Array) -> int:
     lengths = np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
     sizes = np.linalg.svd(rows / lengths, compute_uv=False)
     return int(np.sum(sizes > DEAD * sizes[0]))
+
+
+def command_exact(scene: Scene, name: str, force: bool = False) -> str:
+    """Return the command that runs the deck of a scene with a beam in the model exact."""
+    own = getattr(scene.deck.bodies[name], "model", None) is not None
+    return command(scene.loaded, {f"bodies.{name}.model" if own else "solve.model": LADDER[-1]}, force)
 
 
 def command(loaded: LoadedDeck, changes: dict[str, Any], force: bool = False) -> str:

@@ -7,19 +7,25 @@ from dataclasses import replace
 
 import numpy as np
 
+from hfsim.errors import SolverFailure
 from hfsim.integrators import Trajectory
+from hfsim.marching.culprit import in_scale
 from hfsim.marching.turns import read_states
 from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import smallest_step
 from hfsim.maths.rotations import rotation_vector
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.mechanics.system import System
 from hfsim.scene.build import Scene
 from hfsim.scene.measured import uncounted
+from hfsim.trust.experiments import command_exact
 from hfsim.trust.quasistatic import deformation_of
 
 CLOSING = 4
 """Newton corrections in closing joints: the gaps are small, and what is left the projection closes."""
+UNCHANGED = 1e-10
+"""Change of an equation over the terms that it is the sum of, at which it is none."""
 
 
 def hand_over(old: Scene, new: Scene, path: Trajectory) -> tuple[Scene, float]:
@@ -40,9 +46,26 @@ def hand_over(old: Scene, new: Scene, path: Trajectory) -> tuple[Scene, float]:
     ------
     ValueError
         If a body goes over to a model that its state has no counterpart in.
+    SolverFailure
+        If no state is found to start in.
     """
-    with path.past.recalled():
-        return _handed_over(old, new, path)
+    with path.past.recalled(), np.errstate(all="ignore"):
+        try:
+            return _handed_over(old, new, path)
+        except np.linalg.LinAlgError as told:
+            raise _not_found(old, new, path, str(told)) from told
+
+
+def _not_found(old: Scene, new: Scene, path: Trajectory, why: str) -> SolverFailure:
+    """Return the failure of a change of models."""
+    name, after = next((name, model) for name, model in new.models.items() if model != old.models[name])
+    return SolverFailure(
+        reason=f"'{name}' cannot go over from {old.models[name]} to {after} at t = {path.t_end:.4g} s: {why}",
+        time=path.t_end,
+        item=new.bodies[name].item,
+        evidence={"next_model": after},
+        remedy=command_exact(new, name, force=True),
+    )
 
 
 def _handed_over(old: Scene, new: Scene, path: Trajectory) -> tuple[Scene, float]:
@@ -73,6 +96,8 @@ def _handed_over(old: Scene, new: Scene, path: Trajectory) -> tuple[Scene, float
     _close(new, time, y, angles)
     state, rate = new.system.state(y, w, new.system.reduction.free_rates(near))
     state, rate = new.system.project(time, state, rate)
+    if not (in_scale(state[0], path.q) and in_scale(rate[0], path.v)):
+        raise np.linalg.LinAlgError("the state to start in is beyond all scale")
     gained = _energy(new.system, time, state, rate) - _energy(old.system, time, q[None], v[None])
     return replace(new, q=state[0], v=rate[0], start_angles=angles, begin=float(path.t_end)), gained
 
@@ -99,15 +124,27 @@ def _motion(body: Body, x: Array, u: Array) -> tuple[Pose, Twist]:
 
 
 def _close(scene: Scene, t: Array, y: Array, angles: Mapping[str, float]) -> None:
-    """Close the joints by rigid motions of the bodies, in place."""
-    system = scene.system
-    if not system.constraints:
+    """Close the joints by rigid motions of the bodies, in place, as far as these can."""
+    phi = scene.system.unreduced.phi
+    if not phi.constraints:
         return
+    gap = phi.residual(t, y)[0]
     for _ in range(CLOSING):
-        gap = system.unreduced.phi.residual(t, y)[0]
         motions = np.concatenate([_motions(body, y, angles[name]) for name, body in scene.bodies.items()])
-        moves = np.linalg.lstsq(system.unreduced.phi.jacobians(y)[0] @ motions.T, -gap, rcond=1e-10)[0]
-        y += moves @ motions
+        trial = y - smallest_step(_changes(phi.jacobians(y)[0], motions), gap) @ motions
+        left = phi.residual(t, trial)[0]
+        if not left @ left < gap @ gap:
+            return
+        y[:], gap = trial, left
+
+
+def _changes(J: Array, motions: Array) -> Array:
+    """Return J (n_rows, n_x) times motions (n, n_x), (n_rows, n), without what is rounding of its terms.
+
+    What bodies hold of themselves no rigid motion changes: rounding alone would say which motion closes it.
+    """
+    changes, terms = J @ motions.T, np.abs(J) @ np.abs(motions).T
+    return np.where(np.abs(changes) > UNCHANGED * terms, changes, 0.0)
 
 
 def _motions(body: Body, y: Array, angle: float) -> Array:

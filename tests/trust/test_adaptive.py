@@ -8,9 +8,11 @@ import pytest
 from called import call
 
 from hfsim.marching.integration import run_integration
+from hfsim.output.report import as_text
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
+from hfsim.trust import handover
 from hfsim.trust.handover import hand_over
 from hfsim.trust.quasistatic import deformation_of
 
@@ -225,3 +227,100 @@ def test_where_models_change_nothing_starts_beyond_its_stop():
     assert (new.begin, new.warnings) == (0.3, [])
     away = build(parse_deck(HEAD + stopped + spin.replace("angle: 0", "angle: -30 deg")))
     assert any("beyond its stop" in warning for warning in away.warnings)
+
+
+def free(n_dim, size=1.0, **output):
+    """A free rod of sections that is pushed at its tip while it flies."""
+    vectors = {"gravity": [0, 0, 0], "force": [0, 500 * size**2, 0], "velocity": [0.5 * size, 0.2 * size, 0],
+               "start": [0.3 * size, 0.1 * size, 0]}  # fmt: skip
+    own = {name: one[:n_dim] for name, one in vectors.items()}
+    deck = {
+        "hfsim": 1,
+        "name": "rod",
+        "gravity": own["gravity"],
+        "materials": {"n": {"density": 1150, "youngs_modulus": 1e8, "bending_damping": 0.001}},
+        "sections": {"r": {"shape": "rectangle", "width": 0.02 * size, "height": 0.02 * size}},
+        "bodies": {"b": {"type": "beam", "element": "cosserat", "material": "n", "section": "r",
+                         "length": size, "elements": 3, "model": "auto"}},
+        "loads": {"p": {"type": "force", "at": "b.tip", "force": own["force"],
+                        "law": {"times": [0, 0.2, 0.21, 0.22, 1], "values": [0, 0, 0.01, 0, 0],
+                                "interpolation": "linear"}}},
+        "initial": {"b": {"position": own["start"], "velocity": own["velocity"], "angle": 0.4,
+                          "angular_velocity": 0.2 if n_dim == 2 else [0.1, 0.1, 0.2]}},
+        "solve": {"duration": 0.3},
+        "output": {"interval": 0.002, "channels": ["b.tip.x", "b.tip.y"], **output},
+    }  # fmt: skip
+    return json.dumps(deck)
+
+
+@pytest.mark.parametrize("n_dim", [2, 3])
+def test_a_free_beam_of_sections_goes_over_without_a_turn(n_dim):
+    """Nothing is to be closed: the equations of its sections hold in any rigid motion."""
+    chosen = simulate(parse_deck(free(n_dim)), error_estimate=False)
+    real = parse_deck(free(n_dim).replace('"model": "auto"', '"model": "exact"'))
+    exact = simulate(real, error_estimate=False, diagnosis=False)
+    (switch,) = chosen.statistics["auto"]["switches"]
+    assert (chosen.status, switch["next_model"]) == ("done", "exact")
+    assert abs(switch["energy_share"]) < 1e-6
+    for mine, other in zip(chosen.channels, exact.channels, strict=True):
+        assert mine.values == pytest.approx(other.values, abs=1e-5)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("n_dim", [2, 3])
+def test_rigid_motions_close_nothing_of_sections_in_scenes_of_any_size(n_dim, size):
+    old = build(parse_deck(free(n_dim, size)), models={"b": "rigid"})
+    path = run_integration(old, old.deck.solve.model_copy(update={"duration": 0.1})).trajectory
+    new = hand_over(old, build(old.loaded, models={"b": "exact"}), path)[0]
+    x, y = old.system.absolute(path.q[None]), new.system.absolute(new.q[None])
+    before, after = old.marker("b"), new.marker("b")
+    assert after.position(y) == pytest.approx(before.position(x), abs=1e-9 * size)
+    assert after.frame(y) == pytest.approx(before.frame(x), abs=1e-9)
+    motions = handover._motions(new.bodies["b"], y, 0.0)
+    assert not handover._changes(new.system.unreduced.phi.jacobians(y)[0], motions).any()
+
+
+@pytest.mark.parametrize("interval", [0.002, 0.25])
+def test_a_change_that_finds_no_state_ends_the_run_and_says_so(interval, tmp_path, monkeypatch):
+    def blown_up(scene, t, y, angles):
+        y *= 1e120
+
+    monkeypatch.setattr(handover, "_close", blown_up)
+    deck = tmp_path / "rod.yaml"
+    deck.write_text(free(3, interval=interval))
+    told = call("run", str(deck), "-o", str(tmp_path / "out"))
+    assert told.exit_code == 3, told.output
+    failure = json.loads((tmp_path / "out/summary.json").read_text())["failure"]
+    assert (failure["class"], failure["item"]) == ("numerical", "bodies.b")
+    assert "cannot go over from rigid to exact at t = 0.2 s" in " ".join(told.output.split())
+    assert "--set bodies.b.model=exact" in failure["try"]
+
+
+def test_a_second_run_whose_change_finds_no_state_is_told_as_such(monkeypatch):
+    calls, real = [], handover._handed_over
+
+    def second_fails(*given):
+        calls.append(given)
+        if len(calls) > 1:
+            raise np.linalg.LinAlgError("no way")
+        return real(*given)
+
+    monkeypatch.setattr(handover, "_handed_over", second_fails)
+    run = simulate(parse_deck(free(2)))
+    assert run.status == "done" and "no way" in run.statistics["error_estimate_reason"]
+
+
+def test_a_leg_between_two_output_times_has_no_outlines():
+    """Its beam is wound up before the next one."""
+    text = free(3, interval=0.05).replace("0.01, 0, 0]", "4.0, 0, 0]")
+    run = simulate(parse_deck(text), error_estimate=False, diagnosis=False, outlines=True)
+    assert run.status == "failed" and "turns by" in run.reason
+    assert len(run.outline_t) == len(run.outlines["b"]) == len(run.t)
+
+
+def test_energy_that_is_no_number_is_told(tmp_path):
+    run = simulate(parse_deck(free(2)), error_estimate=False)
+    (switch,) = run.statistics["auto"]["switches"]
+    auto = {**run.statistics["auto"], "switches": [{**switch, "energy_gained": None}]}
+    facts = {**run.statistics, "auto": auto}
+    assert "energy beyond all numbers" in " ".join(as_text(run, facts, tmp_path).split())
