@@ -200,6 +200,10 @@ class SpringSpec(Spec):
         """Those of its points on whose frames' turns it depends, which lines have not."""
         return ()
 
+    def frameless(self, end: str) -> str:
+        """Return what serves in its place where one of these has none; empty if nothing does."""
+        return "two_point springs beside the axis"
+
     reacts: ClassVar[bool] = True
     """Whether what it does to its second point is one force and one moment."""
 

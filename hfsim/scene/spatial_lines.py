@@ -49,7 +49,8 @@ def refusals(deck: Deck) -> Iterator[Complaint]:
         on = [end for end in spring.framed if split_point(end)[0] in lines]
         if on:
             message = f"'{on[0]}' has no section whose turn could be measured: it is on a line"
-            yield Complaint(("springs", name), message, f"{SECTIONS}, or two_point springs beside the axis")
+            hints = (SECTIONS, spring.frameless(on[0]))
+            yield Complaint(("springs", name), message, ", or ".join(filter(None, hints)))
         for key, entry in spring.on.items():
             if isinstance(entry, JointSpec) and not _fits(entry, key.partition(".")[2], lines, facings):
                 message = f"the angle of '{key}' is measured by the tangent alone: a line has no sections"

@@ -329,9 +329,12 @@ def test_lines_in_space_touch_a_floor_but_do_not_rub_as_balls():
     found = run(parsed(deck))
     assert found["rope.tip.z"].min() > 0.003
     with pytest.raises(DeckError, match=r"springs.floor: 'rope.tip' has no section"):
-        build(parsed(deck.replace("damping: 1.0", "damping: 1.0\n    friction: {coefficient: 0.3}")))
-    with pytest.raises(DeckError, match=r"springs.floor: 'rope.tip' has no section"):
         build(parsed(deck.replace("[ground, rope.tip]", "[rope.tip, ground]")))
+    rubs = deck.replace("damping: 1.0", "damping: 1.0\n    friction: {coefficient: 0.3}")
+    with pytest.raises(DeckError, match=r"springs.floor: 'rope.tip' has no section") as refused:
+        build(parsed(rubs))
+    assert "or radius: 0" in str(refused.value) and "two_point" not in str(refused.value)
+    build(parsed(rubs.replace("radius: 5 mm", "radius: 0")))
 
 
 def rolling_disc(tilt, spin, times):

@@ -91,6 +91,11 @@ class ContactSpec(SpringSpec):
         turns = self.axis is not None or (self.radius and self.friction)
         return self.between if turns else self.between[:1]
 
+    def frameless(self, end: str) -> str:
+        """Return that of a ball on a line: its middle, which rubs as well."""
+        rolls = self.axis is None and end != self.between[0]
+        return "radius: 0 beside a plane moved by the radius: a point rubs without a turn" if rolls else ""
+
     def build(self, first: Marker, second: Marker, start: Array) -> ContactTie:
         """Return the force between two markers."""
         normal = _unit(self.normal or (0.0,) * (first.n_dim - 1) + (1.0,))
