@@ -1,7 +1,7 @@
 """Eigenvalues of pencils from the slowest on, what is known of their errors, and whether any is missing.
 
 Where nothing depends on velocities the squares l^2 are looked for, else l itself.  Both come from the inverse
-at a shift, of which motions that the constraints forbid have the eigenvalue zero.
+at a shift: of small pencils in the motions that the constraints allow.
 """
 
 from __future__ import annotations
@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, ComplexArray, IntArray
+from hfsim.maths.eigenvectors import eigenvectors
 from hfsim.maths.frozen import frozen
-from hfsim.maths.pencils import EPS, Pencil
+from hfsim.maths.matrices import Matrix
+from hfsim.maths.pencils import EPS, Pencil, Solve
 from hfsim.maths.squares import MORE, arnoldi, no_more, noise_of, squares_of
 
 _CERTAIN = 3.0
@@ -188,7 +190,7 @@ def _standing(
 
 def _roots(pencil: Pencil, shift: float, count: int, seed: int = 1) -> tuple[ComplexArray, ComplexArray]:
     """Return the eigenvalues next to a shift and their vectors, by equations of first order in (y, y'/s)."""
-    M, V, K, _ = pencil.matrices
+    M, V, _, _ = pencil.matrices
     n, solve = pencil.n, pencil.at(shift)
     VM = V + shift * M
 
@@ -196,15 +198,13 @@ def _roots(pencil: Pencil, shift: float, count: int, seed: int = 1) -> tuple[Com
         return -(VM @ y + shift * (M @ w))
 
     if not pencil.large:
-        onto = solve(np.hstack([-VM, -shift * M]))
-        # rates of what constraints forbid are none
-        allowed = solve(K + shift * VM)
-        below = onto + np.hstack([allowed / shift, np.zeros((n, n))])
-        theta, both = np.linalg.eig(np.vstack([onto, below]))
-        kept = np.argsort(-np.abs(theta))[: 2 * pencil.free]
-        if not theta[kept].all():  # at an eigenvalue the inverse is anything
+        basis, own = pencil.allowed
+        onto = solve(np.hstack([-VM @ basis, -shift * M @ basis]))[own]
+        below = onto + np.eye(*onto.shape) / shift
+        theta, both = eigenvectors(np.vstack([onto, below]))
+        if not theta.all():  # at an eigenvalue the inverse is anything
             raise np.linalg.LinAlgError("Singular matrix")
-        return (shift + 1.0 / theta[kept]).astype(complex), both[:n, kept].astype(complex)
+        return shift + 1.0 / theta, basis @ both[: pencil.free]
     from scipy.sparse.linalg import LinearOperator
 
     def apply(one: Array) -> Array:
@@ -262,7 +262,7 @@ def _corrected(pencil: Pencil, value: complex, vector: ComplexArray) -> tuple[co
     for improved in range(_ROUNDS):
         near, slope = value * (1.0 + _BESIDE), 2.0 * value * M + V
         try:
-            left = _unit(turned.at(near)(slope.T @ left))
+            left = _improved(turned.at(near), slope.T, left)
             change, error = _change(pencil, value, left, vector)
             if abs(change) <= error:
                 return value - change, error
@@ -270,14 +270,17 @@ def _corrected(pencil: Pencil, value: complex, vector: ComplexArray) -> tuple[co
                 break
             if improved:
                 value, before = value - change, abs(change)
-            vector = _unit(pencil.at(near)(slope @ vector))
+            vector = _improved(pencil.at(near), slope, vector)
         except np.linalg.LinAlgError:
             return value, abs(value)
     return value, max(error, min(abs(change), before))
 
 
-def _unit(vector: Array) -> ComplexArray:
-    return np.asarray(vector / np.abs(vector).max(), dtype=complex)
+def _improved(solve: Solve, slope: Matrix, vector: ComplexArray) -> ComplexArray:
+    """Return a vector after a step of inverse iteration, and itself where two eigenvalues are quite one."""
+    force = slope @ vector
+    found = solve(force) if np.any(force) else vector
+    return np.asarray(found / np.abs(found).max(), dtype=complex)
 
 
 def _change(pencil: Pencil, value: complex, left: ComplexArray, right: ComplexArray) -> tuple[complex, float]:
@@ -285,11 +288,13 @@ def _change(pencil: Pencil, value: complex, left: ComplexArray, right: ComplexAr
     M, V, K, _ = pencil.matrices
     size, other, rate = np.abs(right), np.abs(left), abs(value)
     errors = other @ (abs(K) @ size + rate * (abs(V) @ size) + rate**2 * (abs(M) @ size))
-    slope, bend = left @ (2.0 * value * (M @ right) + V @ right), abs(left @ (M @ right))
+    slope, bend = left @ (2.0 * value * (M @ right) + V @ right), left @ (M @ right)
     bound = _CERTAIN * pencil.precision * errors
-    if not abs(slope) + bend > 0.0:
+    if not abs(slope) + abs(bend) > 0.0:
         return 0.0, rate
-    # of two that are one, errors of the matrices do as much as their root
-    error = 2.0 * bound / (abs(slope) + np.sqrt(abs(slope) ** 2 + 4.0 * bend * bound))
+    # of two that are one, errors of the matrices do as much as their root, and so does a gap
+    error = 2.0 * bound / (abs(slope) + np.sqrt(abs(slope) ** 2 + 4.0 * abs(bend) * bound))
     gap = left @ (K @ right + value * (V @ right) + value**2 * (M @ right))
-    return complex(gap / slope) if slope else 0.0, float(error)
+    root = np.sqrt(slope**2 - 4.0 * bend * gap + 0j)
+    steep = slope + root if abs(slope + root) >= abs(slope - root) else slope - root
+    return complex(2.0 * gap / steep) if steep else 0.0, float(error)

@@ -11,7 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.maths.arrays import Array, ComplexArray, IntArray
+from hfsim.maths.eigenvectors import allowed
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Matrix, dense, skewness
 
@@ -117,6 +118,11 @@ class Pencil:
         """Return x^H M x of vectors (n, k)."""
         found = np.sum(vectors.conj() * (self.matrices[0] @ vectors), axis=0).real
         return np.asarray(np.maximum(found, np.finfo(float).tiny))
+
+    @cached_property
+    def allowed(self) -> tuple[Array, IntArray]:
+        """A basis (n, free) of what constraints allow, and the coordinates that are its shares, (free,)."""
+        return allowed(dense(self.jacobian))
 
     # ------------------------------------------------------------------ solution at a shift
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, ComplexArray
+from hfsim.maths.eigenvectors import eigenvectors
 from hfsim.maths.inertia import count_below
 from hfsim.maths.matrices import dense
 from hfsim.maths.pencils import EPS, Pencil
@@ -169,8 +170,9 @@ def _whole(pencil: Pencil, solve: Any) -> tuple[ComplexArray, ComplexArray]:
             inverse = root.T @ spread
             theta, weights = np.linalg.eigh(0.5 * (inverse + inverse.T))
             return theta.astype(complex), (spread @ weights).astype(complex)
-    theta, vectors = np.linalg.eig(solve(M))
-    return theta.astype(complex), vectors.astype(complex)
+    basis, own = pencil.allowed
+    theta, weights = eigenvectors(solve(M @ basis)[own])
+    return theta, basis @ weights
 
 
 def _large(pencil: Pencil, solve: Any, count: int, seed: int) -> tuple[ComplexArray, ComplexArray]:

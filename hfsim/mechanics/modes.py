@@ -8,6 +8,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.differences import slopes
+from hfsim.maths.eigenvectors import eigenvectors
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Matrix, dense
 from hfsim.mechanics.linearized import Linearized, rows_of
@@ -56,7 +57,7 @@ class Modes:
 
     def fastest(self) -> tuple[float, Array]:
         """Return the largest frequency without damping [rad/s] and its shape in the state, (n,)."""
-        w2, modes = np.linalg.eig(-self.stiffness)
+        w2, modes = eigenvectors(-self.stiffness)
         k = int(np.argmax(w2.real))
         return _root(w2[k]), _scaled(self.basis @ modes[:, k].real)
 
@@ -105,10 +106,10 @@ class LargeModes:
 AnyModes: TypeAlias = Modes | LargeModes
 
 
-def first_order(stiffness: Array, damping: Array) -> Array:
-    """Return the matrix of y'' = A y + B y' as equations of first order in (y, y')."""
+def first_order(stiffness: Array, damping: Array, rate: float = 1.0) -> Array:
+    """Return the matrix of y'' = A y + B y' as equations of first order in (y, y' / rate)."""
     n = len(stiffness)
-    return np.block([[np.zeros((n, n)), np.eye(n)], [stiffness, damping]])
+    return np.block([[np.zeros((n, n)), rate * np.eye(n)], [stiffness / rate, damping]])
 
 
 def _pairs(w2: ComplexArray | Array) -> ComplexArray:

@@ -19,7 +19,8 @@ from hfsim.marching.balance import balance, step_samples
 from hfsim.marching.culprit import body_of
 from hfsim.marching.integration import Integration
 from hfsim.marching.stop import Budget
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.maths.eigenvectors import eigenvectors
 from hfsim.mechanics.linearized import by_differences
 from hfsim.mechanics.modes import first_order
 from hfsim.mechanics.pose import Pose, Twist
@@ -282,27 +283,29 @@ def _stretches(scene: Scene, q: Array) -> dict[str, Array]:
     return {name: scene.bodies[name].smallest_stretch(x) for name in scene.models}
 
 
-def _linearised_at_the_end(trial: Experiments) -> tuple[Array, Array]:
+def _linearised_at_the_end(trial: Experiments) -> tuple[ComplexArray, ComplexArray]:
     path = trial.done.trajectory
     return linearised(trial.done.problem, trial.stop_time, path.q, path.v)
 
 
-def linearised(problem: Problem, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+def linearised(problem: Problem, t: float, q: Array, v: Array) -> tuple[ComplexArray, ComplexArray]:
     """Return eigenvalues [1/s] and eigenvectors of the equations of motion linearised at a state.
 
     Returns
     -------
     values : ndarray of complex, shape (2 n,)
     vectors : ndarray of complex, shape (2 n, 2 n)
-        Of (q, v).  All are zero where the equations have no finite derivative.
+        Of (q, v / rate), at some rate.  All are zero where the equations have no finite derivative.
     """
     # the analytic derivative leaves out what velocities do
     try:
         by_q, by_v = by_differences(problem.evaluate, t, q, v, dissipates=True).slopes()
         assert by_v is not None
-        values, vectors = np.linalg.eig(first_order(by_q, by_v))
+        square = float(np.abs(by_q).max(initial=0.0))
+        rate = np.sqrt(square) if 0.0 < square < np.inf else 1.0
+        values, vectors = eigenvectors(first_order(by_q, by_v, rate))
     except np.linalg.LinAlgError:
-        return np.zeros(2 * len(q)), np.zeros((2 * len(q), 2 * len(q)))
+        return np.zeros(2 * len(q), complex), np.zeros((2 * len(q), 2 * len(q)), complex)
     return values, vectors
 
 

@@ -11,6 +11,7 @@ from hfsim.marching.distance import channel_errors, farthest, group_of
 from hfsim.marching.integration import Integration, run_integration
 from hfsim.marching.record import Record
 from hfsim.marching.stop import Budget
+from hfsim.maths.eigenvectors import eigenvectors
 from hfsim.mechanics.modes import Modes
 from hfsim.scene.build import Scene
 from hfsim.trust.estimate import Compared
@@ -78,7 +79,7 @@ def _vibration(scene: Scene, done: Integration) -> dict[str, Any] | None:
     modes = Modes.of(done.problem.near(steps[-1].t, steps[-1].q, steps[-1].v))
     if not modes.stiffness.size:
         return None
-    w2, shapes = np.linalg.eig(-modes.stiffness)
+    w2, shapes = eigenvectors(-modes.stiffness)
     frequency, moved = np.sqrt(np.maximum(w2.real, 0.0)), modes.basis @ shapes.real
     size = np.abs(moved).max(axis=0)
 

@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.maths.eigenvectors import eigenvectors
 from hfsim.maths.matrices import Matrix, dense, is_sparse, skewness
 from hfsim.maths.pencils import EPS
 from hfsim.mechanics.small_motions import BY_DIFFERENCES
@@ -359,9 +360,9 @@ def _spanned(motions: Array, scale: Array) -> Array:
     return np.asarray(scale[:, None] * left[:, sizes > SPANNED])
 
 
-def _projected(Z: Array, K: Matrix, change: Matrix) -> tuple[Array, Array]:
+def _projected(Z: Array, K: Matrix, change: Matrix) -> tuple[ComplexArray, ComplexArray]:
     """Return eigenvalues 1 / nu of -K^-1 K' on motions (n, k), and these motions as rows."""
-    values, vectors = np.linalg.eig(np.linalg.solve(Z.T @ (K @ Z), -(Z.T @ (change @ Z))))
+    values, vectors = eigenvectors(np.linalg.solve(Z.T @ (K @ Z), -(Z.T @ (change @ Z))))
     rounding = 1e-12 * np.abs(values).max(initial=0.0)
     return np.where(np.abs(values) > rounding, values, 0.0), (Z @ vectors).T
 
@@ -395,6 +396,5 @@ def _sparse(tangent: Tangent, change: Array, count: int) -> tuple[Array, Array]:
 
     begin = answer(np.sin(np.arange(1.0, n + 1.0)))
     operator = LinearOperator((n, n), matvec=answer, dtype=float)
-    which = "LR" if count else "LM"
-    values, motions = eigs(operator, count or 3, which=which, v0=begin, tol=1e-12)
+    values, motions = eigs(operator, count or 3, which="LR" if count else "LM", v0=begin, tol=1e-12)
     return values, motions.T
