@@ -373,7 +373,7 @@ def _least(columns: Array, wanted: Array) -> tuple[Array, float, Array]:
     sizes = np.linalg.norm(columns, axis=1)
     sizes = np.where(sizes > 0.0, sizes, 1.0)
     left, values, ways = np.linalg.svd((columns / sizes[:, None]).T, full_matrices=False)
-    told = values > SINGULAR**0.5 * values[0]
+    told = values > SINGULAR**0.5 * values.max(initial=0.0)
     factors = ((left.T[told] @ wanted) / values[told]) @ ways[told] / sizes
     missed = float(np.linalg.norm(wanted - factors @ columns))
     return factors, missed / (float(np.linalg.norm(wanted)) or 1.0), ways[~told] / sizes

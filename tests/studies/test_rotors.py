@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 import hfsim
+from hfsim.mechanics.turning import _without_noise
 from hfsim.output.modes import campbell_text, state_warnings
 from hfsim.scene.loading import load_deck, parse_deck
 
@@ -575,3 +576,8 @@ def test_blades_that_turn_steadily_are_told_so_at_all_rates(case):
     found = hfsim.campbell(load_deck(f"cases/verify/{case}.yaml"), [0.0, 5.0, 10.0, 20.0], count=2)
     assert not found.unsteady
     assert np.isfinite([found.frequencies(number) for number in (1, 2)]).all()
+
+
+def test_of_what_is_at_rest_nothing_is_left_to_tell_from_noise():
+    factors = _without_noise(np.eye(3)[:2], np.full(3, 1e-30), np.zeros(2), 1e-12)
+    assert np.array_equal(factors, np.zeros(2))
