@@ -302,15 +302,20 @@ def _others_at_work() -> bool:
     return False
 
 
+_SCRIPT = threading.Lock()
+"""Held while the script is out of the way: another thread would take what stands in for it for the script."""
+
+
 @contextmanager
 def _without_script() -> Iterator[None]:
     """Let processes that begin anew not run the script of this one: nothing of it is needed there."""
-    script = sys.modules["__main__"]
-    sys.modules["__main__"] = ModuleType("__main__")
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = script
+    with _SCRIPT:
+        script = sys.modules["__main__"]
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            yield
+        finally:
+            sys.modules["__main__"] = script
 
 
 def _death(code: int | None) -> str:

@@ -25,6 +25,7 @@ from hfsim.cli import app
 from hfsim.deck.ranges import RangeError, read_values
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
+from hfsim.studies.farm import _without_script
 from hfsim.studies.sweep import plan as plans
 from hfsim.studies.sweep.effects import main_effects
 from hfsim.studies.sweep.result import Sweep
@@ -541,6 +542,25 @@ def test_workers_begin_anew_where_other_threads_are_at_work(wheel, monkeypatch):
     again = hfsim.sweep("wheel.yaml", {STIFF: [50.0, 100.0]}, ["max(hub.angle)"], jobs=2)
     assert kinds == ["spawn", "spawn", "fork", "fork"]
     assert found["max(hub.angle)"].tolist() == again["max(hub.angle)"].tolist()
+
+
+def test_the_script_is_there_again_when_several_threads_have_begun_workers():
+    script, inside = sys.modules["__main__"], []
+
+    def begin():
+        with _without_script():
+            inside.append(sys.modules["__main__"])
+            time.sleep(0.2 * len(inside))  # the first to come is the first to leave
+
+    try:
+        threads = [threading.Thread(target=begin) for _ in range(2)]
+        for one in threads:
+            one.start()
+        for one in threads:
+            one.join()
+        assert sys.modules["__main__"] is script and script not in inside
+    finally:
+        sys.modules["__main__"] = script
 
 
 def test_ranges_are_told_of_what_has_one(wheel, monkeypatch):
