@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import click
@@ -343,8 +344,8 @@ def test_axes_have_their_units_in_tables_and_pictures():
     labels = ["springs.coil.stiffness [N m/rad]", "step [s]"]
     text = map_text(found, Path("out"))
     assert f"{labels[0]} \\ {labels[1]}" in text
-    panel = _map_figure(found).axes[0]
-    assert [panel.get_ylabel(), panel.get_xlabel()] == labels
+    picture = _map_figure(found)
+    assert [picture.get_supylabel(), picture.get_supxlabel()] == labels
     strip = stability_map(parse_deck(WHEEL), plan(vary("solve.duration=0.1,0.2"), methods=("gauss",)))
     assert _strips_figure(strip).axes[0].get_xlabel() == "solve.duration [s]"
     assert "solve.duration [s]" in map_text(strip, Path("out"))
@@ -353,6 +354,24 @@ def test_axes_have_their_units_in_tables_and_pictures():
     axis = vary("solve.coordinates=auto,absolute")
     (words,) = stability_map(parse_deck(WHEEL), plan(axis, methods=("gauss",))).axes
     assert (words.values, words.label) == (("auto", "absolute"), "solve.coordinates")
+
+
+def test_long_names_of_axes_are_not_drawn_over_one_another():
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.text import Text
+
+    from hfsim.output.plots.stability import _map_figure
+
+    deck = parse_deck(WHEEL.replace("coil", "coil_between_the_hub_and_the_ground"))
+    axes = vary("springs.coil_between_the_hub_and_the_ground.stiffness=50,100"), NAMED["step"]("0.05,0.1")
+    models = ("linear", "exact")
+    figure = _map_figure(stability_map(deck, plan(*axes, methods=("gauss",), models=models)))
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    upright = [one for one in figure.findobj(Text) if one.get_text() and one.get_rotation() == 90.0]
+    boxes = [one.get_window_extent() for one in upright]
+    assert boxes and all(0.0 <= one.y0 and one.y1 <= canvas.get_width_height()[1] for one in boxes)
+    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
 
 
 @pytest.mark.parametrize(("axis", "text"), [("step", "1 kg, 2 kg"), ("stiffness", "1 m, 2 m")])

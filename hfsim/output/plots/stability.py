@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ from matplotlib.transforms import Affine2D
 
 from hfsim.output.plots.figures import new_figure, set_title, set_title_above
 from hfsim.output.plots.files import save
+from hfsim.output.plots.ink import fitted
 from hfsim.output.plots.style import GREEN, ORANGE, PURPLE, RED, SKY, YELLOW
 from hfsim.studies.stability.results import StabilityMap
 
@@ -32,6 +33,8 @@ _CLASS_STYLES = {
 """Colour (Okabe and Ito) and letter of each class; the letter serves where colours do not."""
 _MOST_LETTERS = 24
 """Columns of a panel up to which cells carry their letter."""
+_PANEL = 2.9, 2.3
+"""Width and height of a panel of a map with its ticks [inch]."""
 
 
 def draw_stability(result: StabilityMap, folder: Path) -> list[str]:
@@ -45,7 +48,7 @@ def draw_stability(result: StabilityMap, folder: Path) -> list[str]:
 def _map_figure(result: StabilityMap) -> Figure:
     models = list(dict.fromkeys(model for model, _ in result.rows()))
     methods = list(dict.fromkeys(method for _, method in result.rows()))
-    figure = new_figure((2.6 + 2.9 * len(methods), 1.2 + 2.3 * len(models)))
+    figure = new_figure((2.6 + _PANEL[0] * len(methods), 1.2 + _PANEL[1] * len(models)))
     panels = figure.subplots(len(models), len(methods), squeeze=False, sharex=True, sharey=True)
     ys, xs = (axis.values for axis in result.axes)
     for i, model in enumerate(models):
@@ -57,12 +60,18 @@ def _map_figure(result: StabilityMap) -> Figure:
             axes.set_title(f"{model}, {method}", fontsize=10)
             _value_ticks(axes, xs, "x")
             _value_ticks(axes, ys, "y")
-        panels[i, 0].set_ylabel(result.axes[0].label)
-    for axes in panels[-1]:
-        axes.set_xlabel(result.axes[1].label)
+    y_label, x_label = (axis.label for axis in result.axes)
+    _shared_label(figure.supylabel, y_label, _PANEL[1] * len(models))
+    _shared_label(figure.supxlabel, x_label, _PANEL[0] * len(methods))
     set_title_above(figure, f"{result.name}: where methods and models hold")
     _class_legend(figure, result)
     return figure
+
+
+def _shared_label(write: Callable[..., object], text: str, room: float) -> None:
+    """Write a label of all panels in a row or column, as long as the room there is [inch]."""
+    label = fitted(text, room)
+    write("\n".join(label.lines), fontsize=label.size)
 
 
 def _strips_figure(result: StabilityMap) -> Figure:
