@@ -51,7 +51,7 @@ class TableSpec(LawSpec):
     """Column of its times [s]; the first one without it."""
 
     unit: Annotated[str, ReadBy(read_text, type="string")] | None = None
-    """Unit of values that have none of their own; SI without it."""
+    """Unit of values that have none of their own, as all in a CSV file, which are numbers; SI without it."""
 
     start: NonNegativeTime | None = None
     """Time at which it begins [s]: before, it holds its value at 0; its own times count from there."""
