@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Protocol
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from hfsim.mechanics.body import Body, VectorBody
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.statics.gauge import Gauge
 from hfsim.mechanics.system import System
+from hfsim.parts.resistances import SlidingResistanceSpec
 from hfsim.scene.assembly import Assembly
 from hfsim.scene.freedom import FreeMotion
 from hfsim.scene.loading import LoadedDeck
@@ -81,21 +82,47 @@ def gauge_of(scene: Assembled) -> Gauge:
     bodies = [(k, body) for k, body in enumerate(scene.bodies.values()) if not body.still]
     outlines = [body.extent(x)[0] for body in scene.bodies.values()]
     every = np.concatenate([*outlines, *(np.array([p]) for p in scene.deck.ground.points.values())])
-    whole = float(np.ptp(every, axis=0).max()) or 1.0
-    sizes = []
-    for k, _ in bodies:
-        masses = np.diag(scene.rigid_inertia[k])
-        own = max(float(np.ptp(outlines[k], axis=0).max()), 1e-2 * whole)
-        sizes.append(masses[n_dim:].max() + masses[:n_dim].max() * own**2)
+    inertia = scene.rigid_inertia[[k for k, _ in bodies]].diagonal(axis1=1, axis2=2)
+    masses, turned = inertia[:, :n_dim].max(axis=1), inertia[:, n_dim:].max(axis=1)
+    span = max(_reach(scene, x, every), float(np.sqrt(turned / masses).max(initial=0.0)))
+    whole = float(np.ptp(every, axis=0).max()) or span
+    own = np.array([max(float(np.ptp(outlines[k], axis=0).max()), 1e-2 * whole) for k, _ in bodies])
     starts = np.array([body.columns.start for _, body in bodies])
     axes: list[IntArray] = [np.zeros((0, 3), dtype=np.intp)]
     axes += [one.sections.reshape(-1, 3) for _, body in bodies if (one := body.carried()) is not None]
-    turning = np.zeros(system.n_x)
-    for _, body in bodies:
-        columns = _directions(body)
+    turning, directions = np.zeros(system.n_x), [_directions(body) for _, body in bodies]
+    for columns in directions:
         turning[columns] = 1.0 / max(1, len(columns))
-    metric = metric.tocsr() if is_sparse(metric) else metric
-    return Gauge(metric, starts, np.array(sizes), np.concatenate(axes), turning)
+    lengths = [columns.shape[1] for columns in directions for _ in columns]
+    return Gauge(
+        metric=metric.tocsr() if is_sparse(metric) else metric,
+        starts=starts,
+        sizes=turned + masses * own**2,
+        axes=np.concatenate(axes),
+        directions=np.concatenate([np.zeros(0, dtype=np.intp), *(one.ravel() for one in directions)]),
+        firsts=np.cumsum([0, *lengths])[:-1],
+        bare=np.array([not len(one) for one in directions]),
+        wide=turned + masses * span**2,
+        turning=turning,
+    )
+
+
+def _reach(scene: Assembled, x: Array, outlines: Array) -> float:
+    """Return how large a scene with outlines (k, n_dim) is at coordinates (1, n_x), with all that is tied."""
+    ties = [*scene.deck.joints.values(), *scene.deck.springs.values()]
+    ends = {end for one in ties for end in getattr(one, "between", ())}
+    every = np.concatenate([outlines, *(scene.marker(end).position(x) for end in ends)])
+    return max([float(np.ptp(every, axis=0).max()), *(length for one in ties for length in _lengths(one))])
+
+
+def _lengths(tie: Any) -> Iterator[float]:
+    """Yield the lengths up to which a joint or spring lets its ends go without a force."""
+    rest = getattr(tie, "rest_length", None)
+    if rest is not None and rest.constant is not None:
+        yield rest.constant
+    for one in (tie, getattr(tie, "sliding", None)):
+        if isinstance(one, SlidingResistanceSpec) and one.stops:
+            yield from (abs(limit) for limit in (one.stops.lower, one.stops.upper) if limit is not None)
 
 
 def _directions(body: Body) -> IntArray:

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Matrix, is_sparse
 
@@ -26,6 +26,12 @@ class Gauge:
     axes : ndarray of int, shape (n_axes, 3)
         Coordinates of unit vectors that turn with bodies and sections in space: about a slender body's axis
         hardly any mass moves, however far it turns.
+    directions, firsts : ndarray of int, shape (n,) and (n_directions,)
+        Coordinates of vectors that turn with bodies, and of angles, one after the other; where each begins.
+    bare : ndarray of bool, shape (n_bodies,)
+        Which bodies have none.
+    wide : ndarray, shape (n_bodies,)
+        What twice the energy of a body is when it shifts by the size of the scene in a second [J].
     turning : ndarray, shape (n_x,)
         What the metric counts besides of squares of directions and angles, so that a body which turns by one
         radian has moved by about one in them: in thin sections hardly any mass moves with these, and the
@@ -36,13 +42,40 @@ class Gauge:
     starts: IntArray
     sizes: Array
     axes: IntArray
+    directions: IntArray
+    firsts: IntArray
+    bare: BoolArray
+    wide: Array
     turning: Array
 
     def size(self, dx: Array) -> float:
         """Return how far what moves or turns most does in changes (1, n_x): about an angle [rad]."""
-        each = np.add.reduceat((dx * np.asarray(dx @ self.metric))[0], self.starts)
         turns = np.linalg.norm(dx[0, self.axes], axis=1)
-        return float(max(np.sqrt(np.abs(each / self.sizes).max(initial=0.0)), turns.max(initial=0.0)))
+        return max(_largest(self._each(dx) / self.sizes), float(turns.max(initial=0.0)))
+
+    def turns(self, dx: Array) -> Array:
+        """Return by what angles all that turns does in changes (1, n_x), (n_directions + n_bare,) [rad]."""
+        turns = self._along(dx)
+        if self.bare.any():
+            turns = np.append(turns, np.abs(self._each(dx)[self.bare] / self.sizes[self.bare]))
+        return np.asarray(np.sqrt(turns))
+
+    def drawn(self, x: Array) -> float:
+        """Return how long the longest direction is at coordinates (1, n_x): about one, but for angles."""
+        vectors = np.diff(self.firsts, append=len(self.directions)) > 1
+        return _largest(self._along(x)[vectors])
+
+    def _along(self, x: Array) -> Array:
+        """Return the square of each direction or angle in coordinates (1, n_x), (n_directions,)."""
+        return np.add.reduceat(x[0, self.directions] ** 2, self.firsts) if len(self.firsts) else np.zeros(0)
+
+    def far(self, dx: Array) -> float:
+        """Return how far what shifts most does in changes (1, n_x), over the size of the scene."""
+        return _largest(self._each(dx) / self.wide)
+
+    def _each(self, dx: Array) -> Array:
+        """Return twice the energy of each body with rates (1, n_x), (n_bodies,)."""
+        return np.add.reduceat((dx * np.asarray(dx @ self.metric))[0], self.starts)
 
     @cached_property
     def whole(self) -> Matrix:
@@ -60,3 +93,8 @@ class Gauge:
     def unit(self) -> Array:
         """By what each coordinate changes where its body has moved by about one, (n_x,)."""
         return np.asarray(1.0 / np.sqrt(self.whole.diagonal()))
+
+
+def _largest(squares: Array) -> float:
+    """Return the root of the largest of squares, which rounding may have below zero."""
+    return float(np.sqrt(np.abs(squares).max(initial=0.0)))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.mechanics.statics.problem import Level, Problem, State
+from hfsim.mechanics.statics.problem import Correction, Level, Problem, State
 from hfsim.mechanics.statics.stability import Signs
 
 ENOUGH = 1e-13
@@ -40,9 +40,6 @@ FIRMER = 1e4
 """How much more does so in the last correction."""
 
 EPSILON = float(np.finfo(float).eps)
-
-Correction = tuple[Array, Array]
-"""Changes of the free coordinates (1, n) and of the multipliers (1, n_rows)."""
 
 
 class NotFoundError(Exception):

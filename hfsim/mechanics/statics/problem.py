@@ -75,6 +75,11 @@ class State(NamedTuple):
 
 Watch = Callable[[float, State], None]
 
+Correction = tuple[Array, Array]
+"""Changes of the free coordinates (1, n) and of the multipliers (1, n_rows)."""
+Solver = Callable[[Array, Array], Correction]
+"""From forces (k, n) and gaps (k, n_rows) to the changes that answer and close them."""
+
 
 class Tangent(NamedTuple):
     """Derivatives at a state.
@@ -88,7 +93,7 @@ class Tangent(NamedTuple):
     stiffness: Matrix
     jacobian: Matrix
 
-    def solved(self, force: Array, gap: Array) -> tuple[Array, Array]:
+    def solved(self, force: Array, gap: Array) -> Correction:
         """Return changes (k, n) and multipliers (k, n_rows) that answer forces (k, n) and close gaps.
 
         Raises
@@ -96,20 +101,24 @@ class Tangent(NamedTuple):
         numpy.linalg.LinAlgError
             If the matrix is singular.
         """
-        held = np.asarray(abs(self.jacobian).sum(axis=1)).ravel() > 0.0
-        if not held.all():  # nothing in them can move
-            dz, own = Tangent(self.stiffness, self.jacobian[held]).solved(force, gap[:, held])
-            multipliers = np.zeros_like(gap)
-            multipliers[:, held] = own
-            return dz, multipliers
-        n, m = self.stiffness.shape[0], self.jacobian.shape[0]
-        rhs = np.concatenate([force, gap], axis=1)
+        return self.solver()(force, gap)
+
+    def solver(self) -> Solver:
+        """Return the same for several of them, with a sparse matrix factorised once."""
+        held = np.asarray(abs(self.jacobian).sum(axis=1)).ravel() > 0.0  # in others nothing can move
+        n, jacobian = self.stiffness.shape[0], self.jacobian if held.all() else self.jacobian[held]
         size = float(np.abs(self.stiffness.diagonal()).max(initial=0.0)) or 1.0
-        rhs[:, n:] *= size
-        found = factorised(saddle_point(self.stiffness, size * self.jacobian) if m else self.stiffness)(rhs)
-        if not np.isfinite(found).all():
-            raise np.linalg.LinAlgError("singular")
-        return found[:, :n], found[:, n:] * size
+        solve = factorised(saddle_point(self.stiffness, size * jacobian) if held.any() else self.stiffness)
+
+        def solved(force: Array, gap: Array) -> Correction:
+            found = solve(np.concatenate([force, size * gap[:, held]], axis=1))
+            if not np.isfinite(found).all():
+                raise np.linalg.LinAlgError("singular")
+            multipliers = np.zeros_like(gap)
+            multipliers[:, held] = found[:, n:] * size
+            return found[:, :n], multipliers
+
+        return solved
 
 
 @frozen
@@ -207,9 +216,13 @@ class Problem:
         """Return the coordinates of free ones (n_batch, n)."""
         return self.system.reduction.expand(z)
 
+    def expand_rates(self, dz: Array) -> Array:
+        """Return the changes of coordinates with those of free ones (n_batch, n)."""
+        return self.system.reduction.expand_rates(dz)
+
     def moved(self, dz: Array) -> float:
         """Return how large changes (1, n) of free coordinates are; see `Gauge`."""
-        return self.gauge.size(self.system.reduction.expand_rates(dz))
+        return self.gauge.size(self.expand_rates(dz))
 
     # ------------------------------------------------------------------ forces
 
@@ -265,6 +278,10 @@ class Problem:
         held, gap = self.held(level)
         found, own = self._missing(state.z, state.multipliers, level.load)
         return found - held, own - gap
+
+    def foreseen(self, state: State, level: Level) -> Array:
+        """Return the forces (1, n) that are missing in a state with its expected strains."""
+        return replace(self, forces=self._with_strains(state.expected)).missing(state, level)[0]
 
     def _missing(self, z: Array, multipliers: Array, load: float) -> tuple[Array, Array]:
         """Return both in states (n_batch, n), without auxiliary forces."""
@@ -323,11 +340,9 @@ class Problem:
             return self._by_differences(state, load)
         x, system = self.expand(state.z), self.system
         u, parts = self.rates(x, load), list[Entries]()
-        for k, one in enumerate(self.forces):
+        for one in self._with_strains(state.expected):
             if factor := one.at(load):
-                strains = None if state.expected is None else state.expected[k]
-                part = one.part if strains is None else one.part.strained(strains)
-                own = part.tangent(self.t, x, u)
+                own = one.part.tangent(self.t, x, u)
                 parts.append(own if factor == 1.0 else own._replace(values=factor * own.values))
         equations = system.equations
         if not equations.phi.constant:
@@ -340,6 +355,15 @@ class Problem:
             whole = whole + load**0.5 * (resistance(system, self.t, x, u) @ W)
         return Tangent(system.reduction.reduced(whole), self.jacobian(state))
 
+    def _with_strains(self, expected: list[Array | None] | None) -> tuple[Weighted, ...]:
+        """Return all forces, with expected strains where there are such."""
+        if expected is None:
+            return self.forces
+        return tuple(
+            one if strains is None else one._replace(part=one.part.strained(strains))
+            for one, strains in zip(self.forces, expected, strict=True)
+        )
+
     def _by_differences(self, state: State, load: float) -> Tangent:
         def held_back(moved: Array) -> Array:
             return -self._missing(moved, np.repeat(state.multipliers, len(moved), axis=0), load)[0]
@@ -348,7 +372,7 @@ class Problem:
 
     def expecting(self, state: State, dz: Array) -> list[Array | None]:
         """Return the strains of each force to which changes (1, n) of a state are to lead."""
-        x, dx = self.expand(state.z), self.system.reduction.expand_rates(dz)
+        x, dx = self.expand(state.z), self.expand_rates(dz)
         found: list[Array | None] = []
         for one in self.forces:
             if not one.part.strain_stiffness.size:

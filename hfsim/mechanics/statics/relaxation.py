@@ -30,10 +30,9 @@ from hfsim.mechanics.statics.newton import (
     NotFoundError,
     balanced,
 )
-from hfsim.mechanics.statics.problem import Level, Problem, State, Tangent
+from hfsim.mechanics.statics.problem import Level, Problem, Solver, State, Tangent
+from hfsim.mechanics.statics.strides import MOVE, Strides
 
-MOVE = 0.2
-"""Largest change of a state in a step [rad]."""
 NEARLY = 0.9
 """Part of it up to which steps are made longer: a step that is too long costs one that is not."""
 MOST = 600
@@ -60,8 +59,6 @@ ENDLESS = "it does not come to rest"
 """What is said after so many steps."""
 ON_AND_ON = "it goes on and on"
 """What is said after too long a way."""
-ASTRAY = 60.0
-"""Way after which nothing will hold it any more [rad]."""
 
 
 def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -> State:
@@ -72,8 +69,7 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
     NotFoundError
         If there is none, or it is not found.
     """
-    metric = problem.metric
-    level, way = Level(load), 0.0
+    metric, level, strides = problem.metric, Level(load), Strides(problem)
     place, first, stayed = state.z, np.inf, 0
     step, multipliers = _first(problem, state, level, metric)
     if multipliers is not None:
@@ -82,12 +78,14 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
         return state
     before, stiffest, short = np.inf, 0.0, True
     force, gap, K, J = _equations(problem, state, level)
-    for _ in range(MOST):
+    while strides.tries < MOST:
+        strides.tries += 1
         effort.iterations += 1
         stiffest = max(stiffest, float((np.abs(K.diagonal()) / metric.diagonal()).max(initial=0.0)))
         longest = LONG / stiffest if stiffest else np.inf
         try:
-            dz, change, ahead, uphill = _answer(problem, Tangent(K + metric / step, J), force, gap)
+            solved = Tangent(K + metric / step, J).solver()
+            dz, change, ahead, uphill = _answer(strides, solved, force, gap)
         except np.linalg.LinAlgError:
             step *= 0.3
             continue
@@ -96,11 +94,17 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
             if step < SHORT * min(longest, 1e6):
                 raise NotFoundError("no way downhill is found", state)
             continue
-        size = problem.moved(dz)
-        state = State(state.z + dz, state.multipliers + change, problem.expecting(state, dz))
+        size, done = problem.moved(dz), float((force * dz).sum())
+        there = State(state.z + dz, state.multipliers + change, problem.expecting(state, dz))
+        force_there, gap_there = problem.missing(there, level)
+        if strides.doubtful(dz):
+            beside = problem.foreseen(there, level) - np.asarray(dz @ metric) / step
+            if not strides.suits(dz, solved, beside, gap + np.asarray(dz @ J.T) - gap_there):
+                step *= 0.25
+                continue
+        state = there
         problem.note(load, state)
         effort.steps += 1
-        way += size
         if size < ENOUGH:
             return problem.at(state)
         if step >= longest and before < SAME and size > SHRINKING * before:
@@ -110,20 +114,21 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
         if short and step >= longest and before > size > max(SAME, STUCK * before):
             short = size <= CLEARLY * _by_rounding(problem, state, level, Tangent(K + metric / step, J))
             if not short:
-                state, rests = _crept(problem, state, level, step, effort)
+                state, rests = _crept(problem, state, level, step, effort, strides)
                 if rests:
                     return state
+                force_there, gap_there = problem.missing(state, level)
         stayed += 1
         if step < longest or problem.moved(state.z - place) > SAME:
             place, first, stayed = state.z, size, 0
         if stayed >= STILL and size > 0.25 * first:
             return problem.at(state)
-        if way > ASTRAY:
+        if strides.endless(state, dz, done):
             raise NotFoundError(ON_AND_ON, state, dz)
         growth = 2.0 if size > 0.3 * before else min(100.0, 2.0 * before / size)
         step = min(longest, step * min(growth, NEARLY * MOVE / max(ahead, ENOUGH)))
         before = size
-        force, gap, K, J = _equations(problem, state, level)
+        force, gap, (K, J) = force_there, gap_there, problem.tangent(state, load)
     raise NotFoundError(ENDLESS, state)
 
 
@@ -135,10 +140,10 @@ def _by_rounding(problem: Problem, state: State, level: Level, tangent: Tangent)
 
 
 def _crept(
-    problem: Problem, state: State, level: Level, step: float, effort: Effort
+    problem: Problem, state: State, level: Level, step: float, effort: Effort, strides: Strides
 ) -> tuple[State, bool]:
     """Return where ever longer steps lead to, each solved for its end, and whether it is a place of rest."""
-    way, first = 0.0, step
+    first = step
     for _ in range(MOST):
         try:
             ahead = _ended(problem, state, level, step, effort)
@@ -148,11 +153,11 @@ def _crept(
                 break
             continue
         dz = ahead.z - state.z
-        size = problem.moved(dz)
+        size, done = problem.moved(dz), float((problem.missing(state, level)[0] * dz).sum())
         problem.note(level.load, ahead)
         effort.steps += 1
-        state, way = ahead, way + size
-        if way > ASTRAY:
+        state = ahead
+        if strides.endless(state, dz, done):
             raise NotFoundError(ON_AND_ON, state, dz)
         if size < NEXT_TO and (found := _next_to(problem, state, level, effort)) is not None:
             return found, True
@@ -198,16 +203,14 @@ def _held(problem: Problem, state: State, level: Level, effort: Effort) -> State
     return found if found is not None and problem.moved(found.z - state.z) < SAME else None
 
 
-def _answer(problem: Problem, tangent: Tangent, force: Array, gap: Array) -> tuple[Array, Array, float, bool]:
+def _answer(strides: Strides, solved: Solver, force: Array, gap: Array) -> tuple[Array, Array, float, bool]:
     """Return changes of state and multipliers, the size of what answers the forces, and whether it is uphill.
 
     That stays on what the joints allow: there the curvature counts, and it is smaller in a shorter step.
     What closes the gaps is as large in all steps, and is done in parts where it is too large.
     """
-    both, changes = tangent.solved(
-        np.concatenate([force, 0.0 * force]), np.concatenate([0.0 * gap, -gap])
-    )
-    ahead, closing = problem.moved(both[:1]), problem.moved(both[1:])
+    both, changes = solved(np.concatenate([force, 0.0 * force]), np.concatenate([0.0 * gap, -gap]))
+    ahead, closing = strides.size(both[:1]), strides.size(both[1:])
     uphill = ahead > SAME and float((force * both[:1]).sum()) < 0.0
     parts = np.array([[1.0, MOVE / max(closing, MOVE)]])
     return parts @ both, parts @ changes, ahead, uphill
