@@ -10,15 +10,17 @@ def forces(part, x, u):
     return out
 
 
-def check_tangents(part, x, u, step, within):
+def check_tangents(part, x, u, step, within, rate_step=None):
     """Hold both derivatives in one state against central differences, within a part of the largest entry."""
     t, n = np.zeros(1), x.shape[1]
-    xs, us, moved = np.repeat(x, n, axis=0), np.repeat(u, n, axis=0), step * np.eye(n)
-    for entries, ahead, back in (
-        (part.tangent(t, x, u), forces(part, xs + moved, us), forces(part, xs - moved, us)),
-        (part.rate_tangent(t, x, u), forces(part, xs, us + moved), forces(part, xs, us - moved)),
+    xs, us, moved = np.repeat(x, n, axis=0), np.repeat(u, n, axis=0), np.eye(n)
+    rate_step = step if rate_step is None else rate_step
+    for entries, size, by_x, by_u in (
+        (part.tangent(t, x, u), step, step, 0.0),
+        (part.rate_tangent(t, x, u), rate_step, 0.0, rate_step),
     ):
         matrix = np.zeros((n, n))
         np.add.at(matrix, (entries.rows, entries.columns), entries.values)
-        slopes = -(ahead - back).T / (2.0 * step)
+        ahead, back = (forces(part, xs + way * by_x * moved, us + way * by_u * moved) for way in (1.0, -1.0))
+        slopes = -(ahead - back).T / (2.0 * size)
         np.testing.assert_allclose(matrix, slopes, atol=within * np.abs(slopes).max())

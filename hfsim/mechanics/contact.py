@@ -129,9 +129,24 @@ class ContactTie(Tie):
         return self._against(t, x, u, self.slip(t, x, u))
 
     def _against(self, t: Array, x: Array, u: Array, v: Array) -> Array:
+        return self.effort(t, x, u)[:, None] * self._grip(v)
+
+    def _grip(self, v: Array) -> Array:
+        """Return the friction over what presses, by slips (n_batch, n_dim)."""
+        speed, share = self._gripping(v)
+        return np.asarray(-self.coefficient * share / speed * v)
+
+    def _gripping(self, v: Array) -> tuple[Array, Array]:
+        """Return the speed, never quite zero, and the part of friction that is there, (n_batch, 1)."""
         speed = np.sqrt(dot(v, v) + (AT_REST * self.velocity) ** 2)
-        size = self.coefficient * self.effort(t, x, u)[:, None] * np.tanh(speed / self.velocity)
-        return np.asarray(-size / speed * v)
+        return speed, np.tanh(speed / self.velocity)
+
+    def _grip_slope(self, v: Array) -> Array:
+        """Return the derivative of that by the slip of one state, (n_dim, n_dim)."""
+        speed, share = self._gripping(v)
+        along, across = (1.0 - share**2) / self.velocity, share / speed
+        way = v / speed
+        return np.asarray(-self.coefficient * (across * np.eye(v.shape[1]) + (along - across) * way.T @ way))
 
     def _rubbed(self, t: Array, x: Array, u: Array) -> Iterator[tuple[Marker, Array]]:
         """Yield the ends that can move, with the friction there."""
@@ -161,29 +176,56 @@ class ContactTie(Tie):
         """Return the whole force."""
         return {self.unit: self.reaction(t, x, u)[0]}
 
-    def _resisted(self, t: Array, x: Array, u: Array) -> Array:
-        """Return minus the friction, with one state of x or u repeated for a batch of the other."""
-        x, u = np.broadcast_arrays(x, u)
-        out = np.zeros(x.shape)
-        for marker, force in self._rubbed(np.repeat(t, len(x)), x, u):
-            out[:, marker.columns] -= force
-        return out
-
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of all forces by x in one state."""
         pushed = super().tangent(t, x, u)
-        if not self.rubs:
+        if not self.rubs or not self._ends:
             return pushed
-        rubbed = difference(lambda moved: self._resisted(t, moved, u), x, self.support)
-        return Entries.joined([pushed, rubbed])
+        s, w, rows = self._all(t, x, u)
+        _, v, relative = self._rubbing(x, u)
+        pressed = self._by_place(x, u, rows, *self._slopes(t, s, w))
+        rubbed = (self._grip(v) @ relative).T * pressed
+        pressing = Entries.of_block(self.support, self.support, rubbed)
+        return Entries.joined([pushed, pressing, self._slid(x, u, v, -self._sum(t, s, w))])
+
+    def _slid(self, x: Array, u: Array, v: Array, pressing: Array) -> Entries:
+        """Return minus the derivative of the friction by x where what presses stays, by differences.
+
+        Of the slip v, which changes as smoothly as places do: the friction may turn round within a step.
+        """
+        slope = pressing * self._grip_slope(v)
+
+        def resisted(moved: Array) -> Array:
+            up, _, ends = self._touching(moved)
+            slip = self._slipping(np.repeat(u, len(moved), axis=0), up, ends)
+            force = pressing * self._grip(v) + (slip - v) @ slope
+            out = np.zeros(moved.shape)
+            for sign, marker, J in ends:
+                out[:, marker.columns] -= sign * (force[:, None] @ J)[:, 0]
+            return out
+
+        return difference(resisted, x, self.support)
 
     def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of all forces by u in one state."""
         pushed = super().rate_tangent(t, x, u)
-        if not self.rubs:
+        if not self.rubs or not self._ends:
             return pushed
-        rubbed = difference(lambda moved: self._resisted(t, x, moved), u, self.support)
-        return Entries.joined([pushed, rubbed])
+        s, w, rows = self._all(t, x, u)
+        up, v, relative = self._rubbing(x, u)
+        sliding = relative - up.T @ (up @ relative)
+        rubbed = sliding.T @ (self._sum(t, s, w) * self._grip_slope(v)) @ sliding
+        pressed = self._slopes(t, s, w)[1] * self._whole(rows)
+        rubbed = rubbed + (self._grip(v) @ relative).T * pressed
+        return Entries.joined([pushed, Entries.of_block(self.support, self.support, rubbed)])
+
+    def _rubbing(self, x: Array, u: Array) -> tuple[Array, Array, Array]:
+        """Return normal, slip, both (1, n_dim), and Jacobian of the slip, (n_dim, n_support), in one state.
+
+        The last is with what is along the normal.
+        """
+        up, _, ends = self._touching(x)
+        return up, self._slipping(u, up, ends), self._whole([sign * J for sign, _, J in ends])
 
     def power(self, t: Array, x: Array, u: Array) -> Array:
         """Return the power of what is not the slope of an energy."""

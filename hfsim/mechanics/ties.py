@@ -193,16 +193,25 @@ class Tie(PointPart):
         if not self._ends:
             return NOTHING
         s, w, rows = self._all(t, x, u)
+        by_s, by_w = self._slopes(t, s, w)
+        change = self._by_place(x, u, rows, by_s, by_w)
+        stiff = Entries.of_block(self.support, self.support, self._whole(rows)[:, None] * change)
+        return Entries.joined([stiff, self._curved(x, self._sum(t, s, w), by_s)])
+
+    def _slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
+        """Return the derivatives of all resistances by the coordinate and by its rate, (n_batch,)."""
         slopes = [one.slopes(t, s, w) for one in self.resistances]
         by_s, by_w = (sum(kind, 0.0 * s) for kind in zip(*slopes, strict=True))
-        row = self._whole(rows)
-        change = by_s * row
-        if self.uses_rates:
-            bent = self._curved(x, np.ones(1), np.zeros(1))
-            along = np.bincount(bent.rows, bent.values * u[0, bent.columns], x.shape[1])
-            change = change + by_w * along[self.support]
-        stiff = Entries.of_block(self.support, self.support, row[:, None] * change)
-        return Entries.joined([stiff, self._curved(x, self._sum(t, s, w), by_s)])
+        return by_s, by_w
+
+    def _by_place(self, x: Array, u: Array, rows: list[Array], by_s: Array, by_w: Array) -> Array:
+        """Return the derivative of all resistances by x in one state, (n_support,)."""
+        change = by_s * self._whole(rows)
+        if not self.uses_rates:
+            return np.asarray(change)
+        bent = self._curved(x, np.ones(1), np.zeros(1))
+        along = np.bincount(bent.rows, bent.values * u[0, bent.columns], x.shape[1])
+        return np.asarray(change + by_w * along[self.support])
 
     def _curved(self, x: Array, force: Array, slope: Array) -> Entries:
         """Return the force times the second derivative of the coordinate, in one state.
@@ -220,7 +229,7 @@ class Tie(PointPart):
         if not self.uses_rates or not self._ends:
             return NOTHING
         s, w, rows = self._all(t, x, u)
-        row, factor = self._whole(rows), sum(one.slopes(t, s, w)[1] for one in self.resistances)
+        row, factor = self._whole(rows), self._slopes(t, s, w)[1]
         return Entries.of_block(self.support, self.support, factor * row[:, None] * row)
 
     def _whole(self, rows: list[Array]) -> Array:

@@ -1,6 +1,7 @@
 """Contacts of points and balls with planes: bounces, slides, rolls, in the plane and in space."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -302,6 +303,36 @@ def test_modes_tell_that_it_sticks():
     start = {"position": [0.0, RADIUS - resting(MASS * 9.81)]}
     found = hfsim.modes(ball(2, start, [0, -9.81], more=more))
     assert found.facts()["sticking"] == {"springs.floor.friction": pytest.approx(300.0 * MASS * 9.81)}
+
+
+@pytest.mark.parametrize("n_dim", [2, 3])
+@pytest.mark.parametrize("velocity", [1e-2, 1e-6, 1e-9])
+def test_friction_is_linearised_at_any_velocity(n_dim, velocity, rng):
+    """Steps of 1e-7 m/s once went past all of its slope."""
+    scene = build(two_bodies(n_dim))
+    system = scene.system
+    (part,) = (one for one in system.forces if isinstance(one, ContactTie))
+    part, x = replace(part, velocity=velocity), system.absolute(scene.q[None])
+    for slip in (0.1, 1.0, 3.0):
+        u = slip * velocity * rng.normal(size=x.shape)
+        check_tangents(part, x, u, 1e-6, 2e-4, 1e-4 * velocity)
+
+
+@pytest.mark.parametrize("velocity", [1e-3, 1e-5, 1e-7, 1e-9])
+def test_what_sticks_comes_to_rest_as_its_slope_says(velocity):
+    """Between a spring k and friction of slope mu N / v: s^2 m + s mu N / v + k = 0."""
+    anchor = {"ground": {"points": {"wall": [-1.0, 0.0]}}}
+    held = {"type": "two_point", "between": ["ground.wall", "ball"], "stiffness": 100.0, "rest_length": 1.0}
+    coil = {"type": "rotational", "between": ["ground", "ball"], "stiffness": 10.0}
+    floor = TOUCH | {"radius": 0.0, "friction": {"coefficient": 0.3, "velocity": velocity}}
+    more = anchor | {"springs": {"floor": floor, "leash": held, "coil": coil}}
+    found = hfsim.modes(ball(2, {}, [0, -9.81], more=more), about="equilibrium")
+    grip = 0.3 * MASS * 9.81 / velocity
+    slow, fast = np.sort_complex(np.roots([MASS, grip, 100.0]))[::-1]
+    decays = sorted(mode.value.real for mode in found if mode.kind == "decay")
+    assert decays[0] == pytest.approx(fast, rel=1e-9)
+    if velocity >= 1e-5:
+        assert decays[-1] == pytest.approx(slow, rel=1e-6)  # it sinks in by 0.3 mm, and the spring leans
 
 
 CABLE = """
