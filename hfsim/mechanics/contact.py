@@ -50,6 +50,7 @@ class ContactTie(Tie):
     told: ClassVar[str] = "what keeps a point, a ball or a wheel on one side of a plane"
     unit: ClassVar[str] = "m"
     holds_together: ClassVar[bool] = False
+    abrupt: ClassVar[bool] = True
 
     @property
     def rubs(self) -> bool:

@@ -434,3 +434,23 @@ def test_wheels_have_a_size_and_are_in_space():
         ball(3, {}, [0, 0, 0], {"axis": [0, 0, 1], "radius": 0.0})
     with pytest.raises(DeckError, match=r"springs.floor.axis"):
         ball(2, {}, [0, 0], {"axis": [0, 1]})
+
+
+def test_a_model_with_a_varying_mass_is_linearised_without_steps_past_the_depth():
+    """A stiff rod on a pin whose end lies on a floor: by differences it was 0.24 % off, its stiffness 1.2 %."""
+    more = {
+        "materials": {"stiff": {"density": 2700.0, "youngs_modulus": 7e12, "poisson_ratio": 0.3}},
+        "sections": {"round": {"shape": "circle", "diameter": 0.02}},
+        "bodies": {"rod": {"type": "beam", "material": "stiff", "section": "round", "length": 1.0,
+                           "elements": 2}},
+        "ground": {"points": {"pin": [-1.0, 0.1]}},
+        "joints": {"pin": {"type": "revolute", "between": ["ground.pin", "rod.root"]}},
+        "springs": {"floor": TOUCH | {"between": ["ground", "rod.tip"], "radius": 0.1}},
+        "initial": {},
+        "output": {"channels": ["rod.tip.y"]},
+    }  # fmt: skip
+    exact, low = (ball(2, {}, [0, -9.81], more=more, model=model) for model in ("exact", "lowOrder"))
+    one, other = (hfsim.modes(deck, about="equilibrium", count=2) for deck in (exact, low))
+    np.testing.assert_allclose(other.frequencies, one.frequencies, rtol=1e-7)
+    one, other = (hfsim.static(deck).statistics["smallest_eigenvalue"] for deck in (exact, low))
+    assert other == pytest.approx(one, rel=1e-7)

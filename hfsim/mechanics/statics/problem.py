@@ -365,10 +365,22 @@ class Problem:
         )
 
     def _by_differences(self, state: State, load: float) -> Tangent:
-        def held_back(moved: Array) -> Array:
-            return -self._missing(moved, np.repeat(state.multipliers, len(moved), axis=0), load)[0]
+        smooth = replace(self, forces=tuple(one for one in self.forces if not one.part.abrupt))
 
-        return Tangent(derivative(held_back, state.z[0]), np.asarray(self.jacobian(state)))
+        def held_back(moved: Array) -> Array:
+            return -smooth._missing(moved, np.repeat(state.multipliers, len(moved), axis=0), load)[0]
+
+        size = (self.system.n_x, self.system.n_x)
+        abrupt = self.system.reduction.reduced(assemble(self._abrupt(state, load), size, sparse=False))
+        return Tangent(derivative(held_back, state.z[0]) + abrupt, np.asarray(self.jacobian(state)))
+
+    def _abrupt(self, state: State, load: float) -> Iterator[Entries]:
+        """Yield the derivatives of forces of which differences are none."""
+        x = self.expand(state.z)
+        for one in self.forces:
+            if one.part.abrupt:
+                own = one.part.tangent(self.t, x, self.rates(x, load))
+                yield own._replace(values=one.at(load) * own.values)
 
     def expecting(self, state: State, dz: Array) -> list[Array | None]:
         """Return the strains of each force to which changes (1, n) of a state are to lead."""
