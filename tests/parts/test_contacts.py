@@ -437,7 +437,7 @@ def test_wheels_have_a_size_and_are_in_space():
 
 
 def test_a_model_with_a_varying_mass_is_linearised_without_steps_past_the_depth():
-    """A stiff rod on a pin whose end lies on a floor: by differences it was 0.24 % off, its stiffness 1.2 %."""
+    """A stiff rod on a pin with its end on a floor: by differences it was 0.24 % off, its stiffness 1.2 %."""
     more = {
         "materials": {"stiff": {"density": 2700.0, "youngs_modulus": 7e12, "poisson_ratio": 0.3}},
         "sections": {"round": {"shape": "circle", "diameter": 0.02}},

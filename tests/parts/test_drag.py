@@ -34,6 +34,19 @@ def rod(n_dim, load, start, gravity=0.0, element="cable", **more):
     return parsed(deck | more)
 
 
+def ball_in(n_dim, load, side=0.0):
+    """A ball in a stream that acts at a point beside its centre."""
+    return {
+        "hfsim": 1,
+        "gravity": n_dim * [0.0],
+        "bodies": {"ball": {"type": "rigid", "mass": 3.0, "inertia": 0.1 if n_dim == 2 else 3 * [0.1],
+                            "points": {"side": n_dim * [side]}}},
+        "loads": {"stream": load},
+        "solve": {"duration": 2.0, "tolerance": 1e-9},
+        "output": {"interval": 0.1, "channels": ["ball.vx", "ball.vy", "energy.total"]},
+    }  # fmt: skip
+
+
 def run(deck):
     return hfsim.run(deck, error_estimate=False, diagnosis=False)
 
@@ -61,16 +74,7 @@ def test_a_flow_carries_along(n_dim):
     flow = [0.3, 0.4, *(n_dim - 2) * [1.2]]
     law = {"type": "constant_rate", "rate": 2.0}
     load = WATER | {"at": "ball.side", "area": 0.01, "flow": flow, "law": law}
-    deck = {
-        "hfsim": 1,
-        "gravity": n_dim * [0.0],
-        "bodies": {"ball": {"type": "rigid", "mass": 3.0, "inertia": 0.1 if n_dim == 2 else 3 * [0.1],
-                            "points": {"side": n_dim * [0.0]}}},
-        "loads": {"stream": load},
-        "solve": {"duration": 2.0, "tolerance": 1e-9},
-        "output": {"interval": 0.1, "channels": ["ball.vx", "ball.vy", "energy.total"]},
-    }  # fmt: skip
-    found = run(parsed(deck))
+    found = run(parsed(ball_in(n_dim, load)))
     size = np.linalg.norm(flow)
     k, grows = 0.5 * 1000.0 * 1.2 * 0.01 / 3.0, 2.0 * size
     behind = np.sqrt(grows / k) * np.tanh(np.sqrt(grows * k) * found.t)
@@ -94,18 +98,50 @@ def test_a_clamped_rod_bears_a_stream(n_dim, shear, bending):
     assert abs(found[wanted[1]]) == pytest.approx(whole * LENGTH / 2.0, rel=2e-2)
 
 
-@native
-@pytest.mark.parametrize("n_dim", [2, 3])
-def test_its_tangents_are_derivatives_and_it_is_recorded(n_dim, rng):
-    load = ON_ROD | {"along": 0.05, "flow": [0.5, -0.2, *(n_dim - 2) * [0.1]]}
-    scene = build(rod(n_dim, load, {"velocity": [1.0, 0.7, *(n_dim - 2) * [0.3]]}))
-    evaluates_alike(scene)
-    system = scene.system
-    (part,) = (one for one in system.forces if isinstance(one, Drag))
-    x, u = system.absolute(scene.q[None]), system.absolute_velocity(scene.q[None], scene.v[None])
-    x, u = x + 0.01 * rng.normal(size=x.shape), u + rng.normal(size=x.shape)
-    check_tangents(part, x, u, 1e-6, 1e-5)
+def drag_of(scene):
+    (part,) = (one for one in scene.system.forces if isinstance(one, Drag))
+    return part
+
+
+def held_at(scene, flow, rng):
+    """Hold the derivatives of the drag of a scene where bodies are as fast as the flow is."""
+    part, system, speed = drag_of(scene), scene.system, np.linalg.norm(flow)
+    x = system.absolute(scene.q[None])
+    x, u = x + 0.01 * rng.normal(size=x.shape), speed * rng.normal(size=x.shape)
+    check_tangents(part, x, u, 1e-6, 1e-8, 1e-5 * speed)
     assert part.power(np.zeros(1), x, u) == pytest.approx(forces(part, x, u)[0] @ u[0])
+
+
+@native
+@pytest.mark.parametrize(("n_dim", "element"), [
+    (2, "cable"), (2, "cosserat"), (3, "cable"), (3, "cosserat"), (3, "continuum"),
+])  # fmt: skip
+@pytest.mark.parametrize("speed", [1e-5, 1.0, 1e3])
+def test_its_tangents_are_derivatives_and_it_is_recorded(n_dim, element, speed, rng):
+    flow = (speed * np.array([0.5, -0.2, 0.1])[:n_dim]).tolist()
+    start = {"velocity": [1.0, 0.7, 0.3][:n_dim]}
+    scene = build(rod(n_dim, ON_ROD | {"along": 0.05, "flow": flow}, start, element=element))
+    evaluates_alike(scene)
+    held_at(scene, flow, rng)
+
+
+@pytest.mark.parametrize("n_dim", [2, 3])
+def test_tangents_on_a_turning_point_are_derivatives(n_dim, rng):
+    flow = [0.5, -0.2, 0.1][:n_dim]
+    load = WATER | {"at": "ball.side", "area": 0.01, "flow": flow}
+    held_at(build(parsed(ball_in(n_dim, load, side=0.3))), flow, rng)
+
+
+@pytest.mark.parametrize("element", ["cable", "cosserat", "continuum"])
+def test_what_it_does_not_resist_does_not_grow(element):
+    """A hinged rod that hangs in a stream: along it nothing is lost, and differences made flutter of that."""
+    hinge = {"pin": {"type": "revolute", "between": ["ground", "rod.root"]}}
+    soft = {"nylon": {"density": 3000.0, "youngs_modulus": 1e8, "poisson_ratio": 0.0}}
+    start = {"angle": -np.pi / 2.0}
+    deck = rod(2, ON_ROD | {"flow": [1.0, 0.0]}, start, 9.81, element, joints=hinge, materials=soft)
+    found = hfsim.modes(deck, about="equilibrium", count=30)
+    assert not found.unstable
+    assert sum(mode.kind == "vibration" and mode.growth == 0.0 for mode in found) >= 3
 
 
 @pytest.mark.parametrize(
