@@ -178,15 +178,19 @@ class Pencil:
                 factor = splu(whole)
             except RuntimeError as error:
                 raise np.linalg.LinAlgError(str(error)) from None
-            return lambda given: np.asarray(factor.solve(given.astype(whole.dtype)))
+            return _refined(whole, lambda given: np.asarray(factor.solve(given.astype(whole.dtype))))
         whole = np.block([[matrix, size * J.T], [size * J, np.zeros((len(J), len(J)))]])
-        solved = _equilibrated(whole)
+        return _refined(whole, _equilibrated(whole))
 
-        def refined(given: Array) -> Array:
-            found = solved(given)
-            return found + solved(given - whole @ found)
 
-        return refined
+def _refined(matrix: Matrix, solve: Solve) -> Solve:
+    """Return solutions corrected by what they leave: factors are coarse where units make entries unlike."""
+
+    def refined(given: Array) -> Array:
+        found = solve(given)
+        return found + solve(given - matrix @ found)
+
+    return refined
 
 
 def _equilibrated(matrix: Array) -> Solve:

@@ -5,7 +5,7 @@ import pytest
 from cantilevers import cantilever
 from scipy.optimize import brentq
 from scipy.special import ellipk, ellipkinc
-from solved import doubts
+from solved import doubts, parsed
 
 import hfsim
 from hfsim.maths.rotations import rotation
@@ -783,3 +783,31 @@ solve: {duration: 1}
 """)
     found = hfsim.static(deck, buckling=1).statistics
     assert found["critical"] == [] and "nothing gives way" in found["critical_reason"]
+
+
+@pytest.mark.parametrize("unit", [2.0**-10, 2.0**-13])
+def test_what_stiffness_is_left_hangs_on_no_unit_of_length(unit):
+    """A thin right-angled frame pushed in its plane: factors of its sparse matrix alone left five digits."""
+    one, other = (hfsim.static(frame_in(size)).statistics["smallest_eigenvalue"] for size in (1.0, unit))
+    assert other == pytest.approx(one, rel=2e-7)
+
+
+def frame_in(unit):
+    """Return the frame with lengths of a size, and forces and masses that keep its frequencies."""
+    beam = {"type": "beam", "material": "alu", "section": "strip", "length": 0.24 * unit, "elements": 3,
+            "element": "cosserat", "degree": 5}  # fmt: skip
+    density, modulus = 2700.0 / unit**3, 71.24e9 / unit
+    return parsed({
+        "hfsim": 1,
+        "gravity": [0.0, 0.0, 0.0],
+        "materials": {"alu": {"density": density, "youngs_modulus": modulus, "poisson_ratio": 0.31}},
+        "sections": {"strip": {"shape": "rectangle", "width": 6e-4 * unit, "height": 0.03 * unit}},
+        "bodies": {"one": beam, "two": beam},
+        "joints": {
+            "clamp": {"type": "fixed", "between": ["ground", "one.root"]},
+            "corner": {"type": "fixed", "between": ["one.tip", "two.root"], "angle": -np.pi / 2.0},
+        },
+        "loads": {"push": {"type": "force", "at": "two.tip", "force": [unit, 0.0, 0.0]}},
+        "solve": {"duration": 1.0},
+        "output": {"channels": ["two.tip.z"]},
+    })  # fmt: skip
