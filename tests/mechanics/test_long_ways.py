@@ -124,3 +124,27 @@ def test_the_size_of_a_scene_has_no_unit():
         for size in (1e-2, 1e2)
     }
     assert np.ptp(list(steps.values())) <= 12
+
+
+def box(angle, height):
+    """A box of 0.4 m by 0.2 m above a floor that its corners touch."""
+    corners = {"a": [-0.2, -0.1], "b": [0.2, -0.1], "c": [0.2, 0.1], "d": [-0.2, 0.1]}
+    touches = {"type": "contact", "stiffness": 1.0e5}
+    return {
+        "hfsim": 1,
+        "gravity": [0.0, -9.81],
+        "bodies": {"box": {"type": "rigid", "mass": 2.0, "inertia": 0.03, "points": corners}},
+        "springs": {name: touches | {"between": ["ground", f"box.{name}"]} for name in corners},
+        "initial": {"box": {"position": [0.0, height], "angle": angle}},
+        "solve": {"duration": 1.0},
+        "output": {"channels": ["box.y", "box.angle", "a.force", "b.force"]},
+    }
+
+
+@pytest.mark.parametrize("height", [0.13, 0.17, 0.2, 0.3])
+@pytest.mark.parametrize("angle", [0.05, 0.1])
+def test_a_box_falls_onto_the_floor_and_not_through_it(angle, height):
+    run = hfsim.static(box(angle, height))
+    assert 0.099 < run.final["box.y"] < 0.1 and run.final["box.angle"] == pytest.approx(0.0, abs=1e-9)
+    assert [run.final["a.force"], run.final["b.force"]] == pytest.approx([9.81, 9.81], rel=1e-9)
+    assert run.statistics["newton_iterations"] < 80

@@ -32,9 +32,12 @@ from hfsim.mechanics.statics.newton import (
 )
 from hfsim.mechanics.statics.problem import Level, Problem, Solver, State, Tangent
 from hfsim.mechanics.statics.strides import MOVE, Strides
+from hfsim.mechanics.ties import Tie
 
 NEARLY = 0.9
 """Part of it up to which steps are made longer: a step that is too long costs one that is not."""
+BEYOND = 10.0
+"""Work that contacts take back at the end of a step, over that at its start, with which it is not done."""
 MOST = 600
 """Steps."""
 LONG = 1e13
@@ -70,6 +73,7 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
         If there is none, or it is not found.
     """
     metric, level, strides = problem.metric, Level(load), Strides(problem)
+    touches = any(isinstance(one.part, Tie) and not one.part.holds_together for one in problem.forces)
     place, first, stayed = state.z, np.inf, 0
     step, multipliers = _first(problem, state, level, metric)
     if multipliers is not None:
@@ -97,6 +101,9 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
         size, done = problem.moved(dz), float((force * dz).sum())
         there = State(state.z + dz, state.multipliers + change, problem.expecting(state, dz))
         force_there, gap_there = problem.missing(there, level)
+        if touches and float((force_there * dz).sum()) < -BEYOND * done:  # it fell through what holds it
+            step *= 0.25
+            continue
         if strides.doubtful(dz):
             beside = problem.foreseen(there, level) - np.asarray(dz @ metric) / step
             if not strides.suits(dz, solved, beside, gap + np.asarray(dz @ J.T) - gap_there):
