@@ -37,8 +37,8 @@ from hfsim.trust.experiments import (
 )
 from hfsim.trust.validity import STEEP, truncated_beams, watch_validity
 
-FEW_REJECTED, LAST = 0.5, 100
-"""Share of rejected steps of a run that is only long, and steps at its end that are held against all."""
+FEW_REJECTED, LAST, AS_LONG = 0.5, 100, 0.7
+"""Share of rejected steps of a run that is only long; steps at its end, and their length over that of all."""
 FLAT = 1e-2
 """Stretch of a beam's axis below which it has next to no direction: joints that hold one lose it."""
 MASSLESS = 1e-8
@@ -98,7 +98,7 @@ def _too_long(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
     if share is None or share > FEW_REJECTED or not path.segments:
         return None
     steps = [one.h for one in path.segments]
-    if np.median(steps[-LAST:]) < np.median(steps):
+    if np.median(steps[-LAST:]) < AS_LONG * np.median(steps):
         return None
     step = {"step": float(np.median(steps))}
     found = _classed(stop, "numerical", "solve.duration", step, trial.command_until_then())
