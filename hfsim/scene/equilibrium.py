@@ -256,7 +256,7 @@ def rigid_motions(scene: Assembled, x: Array, bodies: Collection[str] | None = N
 
 def held_by_nothing(scene: Assembled, motions: Array) -> list[str]:
     """Return in words the free motions, nearest to the ground, that motions (k, n) are made of."""
-    u = scene.system.reduction.expand_rates(motions)
+    u = scene.system.reduction.expand_rates(motions) / gauge_of(scene).broad
     u = u / np.abs(u).max(axis=1, keepdims=True)
     bodies = scene.bodies.items()
     moving = [name for name, body in bodies if np.abs(u[:, body.columns]).max(initial=0.0) > FELT]

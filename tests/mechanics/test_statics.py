@@ -1005,3 +1005,18 @@ solve: {duration: 1}
     run = hfsim.static(parse_deck(deck))
     assert not any("beyond its stop" in one for one in run.statistics["warnings"])
     assert run.final["flap.rotation_z"] == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize("size", [1e-4, 1.0, 1e4])
+def test_what_nothing_holds_is_told_alike_in_any_unit_of_length(size):
+    """Two bodies on a hinge with a coil, which holds them straight, and nothing else."""
+    body = {"type": "rigid", "mass": 1.0, "inertia": 0.1 * size**2}
+    hinge = {"between": ["a.r", "b.l"]}
+    deck = {
+        "hfsim": 1,
+        "bodies": {"a": body | {"points": {"r": [size, 0.0]}}, "b": body | {"points": {"l": [-size, 0.0]}}},
+        "joints": {"h": hinge | {"type": "revolute"}},
+        "springs": {"s": hinge | {"type": "rotational", "stiffness": size**2, "rest_angle": 0.2}},
+        "solve": {"duration": 1.0},
+    }
+    assert hfsim.static(deck).statistics["held_by_nothing"] == ["a: floats: x, y, turn"]

@@ -94,6 +94,13 @@ class Gauge:
         """By what each coordinate changes where its body has moved by about one, (n_x,)."""
         return np.asarray(1.0 / np.sqrt(self.whole.diagonal()))
 
+    @cached_property
+    def broad(self) -> Array:
+        """By what each changes where its body turns by one or shifts by the size of the scene, (n_x,)."""
+        lengths = np.diff(np.append(self.starts, len(self.turning)))
+        weights = np.repeat(1.0 / self.wide, lengths)
+        return np.asarray(1.0 / np.sqrt(weights * self.metric.diagonal() + self.turning))
+
 
 def _largest(squares: Array) -> float:
     """Return the root of the largest of squares, which rounding may have below zero."""
