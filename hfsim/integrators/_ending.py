@@ -14,7 +14,7 @@ ROUNDING = 1e-10
 fine meshes the stiffest modes amplify it so far."""
 LAST_DIGIT = 4e-16
 """Corrections, relative to the largest coordinate, that are rounding."""
-BEYOND = 1e3
+BEYOND = 3e2
 """Consequences of a correction, relative to the largest coordinate, with which there is no hope."""
 
 

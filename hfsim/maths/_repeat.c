@@ -65,7 +65,7 @@ static int attempted(const March *m) {
     if (part(m, REACH) || (s->ready != h && part(m, PREPARE))) return -1;
     s->ready = h;
     const double scale = *m->at[SCALE];
-    Ending e = {r->goal * scale, r->near * scale, r->last_digit * scale, 1e3 * scale, HUGE_VAL, HUGE_VAL, HUGE_VAL};
+    Ending e = {r->goal * scale, r->near * scale, r->last_digit * scale, 3e2 * scale, HUGE_VAL, HUGE_VAL, HUGE_VAL};
     while (!outcome && k < r->most) {
         if (PyErr_CheckSignals() || part(m, CORRECT)) return -1;
         const double found = *size;
