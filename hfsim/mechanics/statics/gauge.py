@@ -80,9 +80,7 @@ class Gauge:
     @cached_property
     def whole(self) -> Matrix:
         """The metric with each body's share over its size, and its directions, (n_x, n_x)."""
-        n = self.metric.shape[0]
-        lengths = np.diff(np.append(self.starts, n))
-        weights = np.repeat(1.0 / self.sizes, lengths)
+        weights = self._over(self.sizes)
         if is_sparse(self.metric):
             from scipy.sparse import diags_array
 
@@ -97,9 +95,11 @@ class Gauge:
     @cached_property
     def broad(self) -> Array:
         """By what each changes where its body turns by one or shifts by the size of the scene, (n_x,)."""
-        lengths = np.diff(np.append(self.starts, len(self.turning)))
-        weights = np.repeat(1.0 / self.wide, lengths)
-        return np.asarray(1.0 / np.sqrt(weights * self.metric.diagonal() + self.turning))
+        return np.asarray(1.0 / np.sqrt(self._over(self.wide) * self.metric.diagonal() + self.turning))
+
+    def _over(self, sizes: Array) -> Array:
+        """Return one over what each body has, for each of its coordinates, (n_x,)."""
+        return np.repeat(1.0 / sizes, np.diff(np.append(self.starts, len(self.turning))))
 
 
 def _largest(squares: Array) -> float:

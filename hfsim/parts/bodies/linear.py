@@ -145,6 +145,17 @@ class LinearElasticForce(ForcePart):
         omega = local[:, 1:2].imag / p[:, 1:2].real
         return as_vectors(local - 1j * omega * p).reshape(len(x), -1)
 
+    def slopes(self, x: Array) -> Array:
+        """Return the derivative of p by the coordinates of the beam in one state: a row for each of these."""
+        units = self._units(x)
+        return self.rates(np.repeat(x, len(units), axis=0), units)
+
+    def _units(self, x: Array) -> Array:
+        """Return rates (n, n_x) of one of each coordinate of the beam by itself."""
+        units = np.zeros((len(self.support), x.shape[1]))
+        units[np.arange(len(units)), self.support] = 1.0
+        return units
+
     def runaway(self, t: float, x: Array) -> SolverFailure | None:
         """Return the failure of a beam that deflects by more than `LIMIT_LENGTHS` times its length."""
         moved = np.abs(self.displacements(x).reshape(len(x), *self.undeformed.shape))
@@ -195,9 +206,7 @@ class LinearElasticForce(ForcePart):
         """
         if not self.uses_rates:
             return NOTHING
-        units = np.zeros((len(self.support), x.shape[1]))
-        units[np.arange(len(units)), self.support] = 1.0
-        resisted = self._damper._resistance(t, x, units)[:, self.support]
+        resisted = self._damper._resistance(t, x, self._units(x))[:, self.support]
         return Entries.of_block(self.support, self.support, resisted.T)
 
     def constant(self, x: Array, local: Array) -> Array:
@@ -236,13 +245,11 @@ class PlanarLinearForce(LinearElasticForce):
         Displacements change by B dx.  The frame turns by w dx with the slope at the root, which stretches by
         s dx: so B dx changes by w dx (w dx p - 2 i B dx) + 2 i s dx w dx p.
         """
-        units = np.zeros((len(self.support), x.shape[1]))
-        units[np.arange(len(units)), self.support] = 1.0
         flat, p, frame = self._deformation(x)
-        B, K = self.rates(np.repeat(x, len(units), axis=0), units), self.stiffness
+        B, K = self.slopes(x), self.stiffness
         turning = 1j * as_complex((flat @ K).reshape(self.undeformed.shape))
         aside = as_vectors(turning).reshape(-1)
-        stretch, turn = np.zeros((2, len(units)))
+        stretch, turn = np.zeros((2, len(B)))
         stretch[2:4], turn[2:4] = (as_vectors(way * frame)[0, 0] / p[0, 1].real for way in (1.0, 1j))
         drawn = B @ aside + 0.5 * np.sum((turning.conj() * (1j * p[0])).real) * turn
         pulled = drawn - np.sum((turning.conj() * p[0]).real) * stretch
@@ -318,9 +325,7 @@ class StrainedLinearForce(ForcePart):
 
     def _slopes(self, x: Array) -> Array:
         """Return the derivative as a matrix, (n_strains, n)."""
-        units = np.zeros((len(self.support), x.shape[1]))
-        units[np.arange(len(units)), self.support] = 1.0
-        return np.asarray(self.modes @ self.force.rates(np.repeat(x, len(units), axis=0), units).T)
+        return np.asarray(self.modes @ self.force.slopes(x).T)
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add minus stiffness times strain, and the damping."""
