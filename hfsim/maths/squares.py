@@ -38,12 +38,11 @@ _TIGHT, _ROUNDS = 1e-12, 30
 """Error of eigenvalues that an iteration may leave, and how often it begins anew."""
 
 
-def slowest_squares(pencil: Pencil, count: int) -> tuple[Array, Array]:
+def slowest_squares(pencil: Pencil, count: int) -> tuple[ComplexArray, Array]:
     """Return minus the squares of the slowest eigenvalues without velocities, and motions (n, k) as columns.
 
-    They ascend; those that are no more than rounding are zero.  Of a small pencil they are all.  Complex ones
-    are of motions that swing and grow, as with loads that turn with their bodies: minus the square of the
-    growth stands for these.
+    Those that are no more than rounding are zero.  Of a small pencil they are all.  Complex ones are of
+    motions that swing and grow, or decay, as with loads that turn with their bodies.
 
     Parameters
     ----------
@@ -56,14 +55,12 @@ def slowest_squares(pencil: Pencil, count: int) -> tuple[Array, Array]:
         If the pencil is singular.
     """
     if not pencil.free:
-        return np.zeros(0), np.zeros((pencil.n, 0))
+        return np.zeros(0, dtype=complex), np.zeros((pencil.n, 0))
     squares, vectors, _, shift = squares_of(pencil, count)
     noise = noise_of(pencil, squares, vectors, shift)
     zero = no_more(np.abs(squares), noise)
-    growing = np.abs(squares.imag) > np.maximum(_FLUTTER * np.abs(squares), _DOUBTFUL * noise)
-    values = np.where(growing, -(np.sqrt(squares).imag ** 2), np.where(zero, 0.0, squares.real))
-    order = np.argsort(values)
-    return values[order], vectors.real[:, order]
+    swinging = np.abs(squares.imag) > np.maximum(_FLUTTER * np.abs(squares), _DOUBTFUL * noise)
+    return np.where(swinging, squares, np.where(zero, 0.0, squares.real)), vectors.real
 
 
 def noise_of(pencil: Pencil, squares: ComplexArray, vectors: ComplexArray, shift: float) -> Array:

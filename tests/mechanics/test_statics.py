@@ -747,6 +747,21 @@ def test_what_a_follower_load_does_no_work_along_is_resisted_still():
     assert run.statistics["smallest_eigenvalue"] == pytest.approx(0.5, rel=1e-6)
 
 
+@pytest.mark.parametrize("dampers", [(1e-3, 1e-3), (1e-3, 0.0), (0.1, 0.3), (3.0, 1.0)])
+@pytest.mark.parametrize("push", [1.0, 1.4, 1.5, 2.05, 2.5, 5.0])
+def test_dampers_count_in_what_swings_and_grows(dampers, push):
+    """Those of modes; with two alike Ziegler's column flutters from 41/28 k/L on, without any from 2.086."""
+    given = {f"springs.{name}.damping": one for name, one in zip(("ka", "kb"), dampers, strict=True)}
+    given["loads.push.force.0"] = -push
+    found = hfsim.static(parse_deck(ZIEGLER), given).statistics
+    growth = max(one.value.real for one in hfsim.modes(parse_deck(ZIEGLER), given, about="equilibrium"))
+    assert found["stable"] is (growth <= 0.0)
+    if growth > 0.0:
+        assert -found["smallest_eigenvalue"] == pytest.approx(growth**2, rel=1e-4)
+    if dampers == (1e-3, 1e-3):
+        assert found["stable"] is (push < 41.0 / 28.0)
+
+
 LINE_IN_WIND = """hfsim: 1
 gravity: [0, -9.81, 0]
 materials: {c: {density: 2700, youngs_modulus: 70 GPa}}

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, random_signs
-from hfsim.maths.matrices import Matrix, dense, skewness
+from hfsim.maths.eigenpairs import eigenpairs
+from hfsim.maths.matrices import Matrix, assemble, dense, is_sparse, skewness
 from hfsim.maths.pencils import EPS, Pencil
 from hfsim.maths.rank import null_space
 from hfsim.maths.squares import slowest_squares
@@ -117,7 +118,8 @@ def neutral(problem: Problem, state: State, load: float, rigid: Array) -> Array:
 def lowest(problem: Problem, state: State, load: float) -> tuple[Array, Array]:
     """Return the smallest stiffnesses over masses on allowed motions [1/s^2], ascending, and their motions.
 
-    Those are squares of natural frequencies; a negative one is of a motion that grows by itself.
+    Those are squares of natural frequencies; a negative one is of a motion that grows by itself.  Of one that
+    swings and grows, with what resists it, it is minus the square of the growth.
 
     Returns
     -------
@@ -137,8 +139,37 @@ def lowest(problem: Problem, state: State, load: float) -> tuple[Array, Array]:
         beside = here._replace(z=here.z * (1.0 + EPS * random_signs(here.z.shape)))
         blur = abs(_symmetric(problem.tangent(beside, load).stiffness, False) - K)
         blur = blur + rounding_of_joints(system, problem.expand(here.z), here.multipliers)
-    values, motions = slowest_squares(Pencil(M, 0.0 * M, K, J, precision, 0.0, blur), NEAREST)
-    return values, motions.T
+    pencil = Pencil(M, 0.0 * M, K, J, precision, 0.0, blur)
+    squares, motions = slowest_squares(pencil, NEAREST)
+    resisting = None if is_symmetric(K, bool(system.variable_mass)) else resistance_at(problem, here, load)
+    if resisting is None:
+        values = np.where(squares.imag == 0.0, squares.real, -(np.sqrt(squares).imag ** 2))
+    else:  # it may end what swings and grows, and may let grow what would not
+        found = eigenpairs(replace(pencil, velocity=resisting), NEAREST)
+        kept = (squares.imag != 0.0) | (squares.real >= 0.0)
+        grows = (found.values.imag >= 0.0) & (found.values.real > found.uncertainty)
+        times = np.where(found.values.imag > 0.0, 2, 1)[grows]
+        values = np.concatenate([np.abs(squares[kept]), np.repeat(-(found.values.real[grows] ** 2), times)])
+        motions = np.hstack([motions[:, kept], np.repeat(found.vectors.real[:, grows], times, axis=1)])
+    order = np.argsort(values)
+    return values[order], motions.T[order]
+
+
+def resistance_at(problem: Problem, state: State, load: float) -> Matrix | None:
+    """Return minus the derivative of the forces by the rates at rest, (n, n); None where nothing resists."""
+    system, x = problem.system, problem.expand(state.z)
+    if problem.turning is not None:
+        return None
+    parts = [
+        own._replace(values=one.at(load) * own.values)
+        for one in problem.forces
+        if one.part.uses_rates
+        for own in [one.part.rate_tangent(problem.t, x, problem.rates(x, load))]
+    ]
+    if not any(one.values.any() for one in parts):
+        return None
+    shape = system.n_x, system.n_x
+    return system.reduction.reduced(assemble(parts, shape, is_sparse(system.equations.constant_mass)))
 
 
 def _symmetric(K: Matrix, by_differences: bool) -> Matrix:
