@@ -11,7 +11,14 @@ import click
 
 from hfsim.commands import import_libraries
 from hfsim.commands.decks import load_numbered
-from hfsim.commands.options import Place, moment_option, output_options, setting_options, talk_options
+from hfsim.commands.options import (
+    Place,
+    moment_option,
+    output_options,
+    period_option,
+    setting_options,
+    talk_options,
+)
 from hfsim.output.pictures import drawn_by
 from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk
@@ -33,6 +40,7 @@ _COUNT = 12
     help="State: the deck's start, the equilibrium next to it, or the steady rotation at its rates.",
 )
 @moment_option("Instead: the state of a run at this time [s].")
+@period_option("About the periodic motion next to the start, or next to the run at --at; see modes.md.")
 @click.option(
     "--count", type=click.IntRange(min=1, max=2000), default=_COUNT, show_default=True, help="Modes told."
 )
@@ -61,6 +69,7 @@ def modes(
     deck: str,
     state: str,
     at: float | None,
+    period: float | None,
     count: int,
     spin: str | None,
     spin_body: str | None,
@@ -72,10 +81,10 @@ def modes(
 ) -> None:
     """Tell frequencies, damping and shapes of the small motions of the scene DECK.
 
-    It is linearised about its start, an equilibrium, a steady rotation or the state of a run, with joints,
-    dampers, follower loads, servos and gyroscopic terms. Motions that nothing brings back are called
-    rigid, or drift where dampers end them; unstable ones flutter or divergence (the exit code is 0 all the
-    same). Results go to '<deck name>.modes' or to -o DIR.
+    It is linearised about its start, an equilibrium, a steady rotation, the state of a run or a periodic
+    motion, with joints, dampers, follower loads, servos and gyroscopic terms. Motions that nothing brings
+    back are called rigid, or drift where dampers end them; unstable ones flutter or divergence (the exit
+    code is 0 all the same). Results go to '<deck name>.modes' or to -o DIR.
     """
     import_libraries()
     values = read_rates(spin)
@@ -83,25 +92,30 @@ def modes(
         raise click.UsageError("--spin takes neither --at nor --matrices")
     if at is not None and state != "start":
         raise click.UsageError("--about and --at are two states; say one of them")
+    if period is not None and (state != "start" or values or matrices is not None):
+        raise click.UsageError("--period takes neither --about nor --spin nor --matrices")
     if spin_body is not None and not values:
         raise click.UsageError("--spin-body goes with --spin")
     loaded = load_numbered(deck, overrides, talk)
     from hfsim.output.progress import Progress
     from hfsim.output.writers import Provenance
     from hfsim.scene.measured import without_refused_channels
-    from hfsim.studies.modes import campbell, modes_of
+    from hfsim.studies.modes import campbell, modes_of, periodic
     from hfsim.studies.modes.about import about, seen_from
 
     facts = Provenance.of(loaded, deck, overrides).facts()
     study = Study.claim("modes", to, loaded.deck.name, talk, facts)
     with Progress(f"{loaded.deck.name}, modes", sys.stderr, talk.quiet) as progress:
-        place = about(without_refused_channels(loaded), state, at, progress if at else None)
-        if spin_body is not None:
-            place = seen_from(place, spin_body)
-        if values:
-            result = campbell(place, values, count, progress)
+        loaded = without_refused_channels(loaded)
+        if period is not None:
+            found = periodic(loaded, period, count, at, progress)
         else:
-            found = modes_of(place, count)
+            place = about(loaded, state, at, progress if at else None)
+            place = place if spin_body is None else seen_from(place, spin_body)
+            if values:
+                result = campbell(place, values, count, progress)
+            else:
+                found = modes_of(place, count)
     if values:
         publish_campbell(result, study, as_csv)
     else:
@@ -138,7 +152,7 @@ def publish_modes(found: Modes, study: Study, as_csv: bool, matrices: Path | Non
     if matrices is not None:
         write_matrices(found, matrices)
     _publish(
-        study, found.facts(), "modes", report.MODE_COLUMNS, rows, as_csv,
+        study, found.facts(), "modes", report.columns_of(found), rows, as_csv,
         report.modes_text(found, f"{study.path}/"), drawn_by("modes:draw_modes", found),
     )  # fmt: skip
 

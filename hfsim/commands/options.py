@@ -189,6 +189,33 @@ def moment_option(words: str, default: str | None = None) -> _Option:
     return click.option("--at", default=default, show_default=True, metavar="T", callback=read, help=words)
 
 
+def period_option(words: str) -> _Option:
+    """Return the option ``--period``: seconds, from a time or from how often; None where none is given."""
+
+    def read(_: click.Context, __: click.Parameter, text: str | None) -> float | None:
+        if text is None:
+            return None
+        for meant in (seconds, _of_turns, _of_swings):
+            with suppress(ValueError, ZeroDivisionError):
+                if 0.0 < (period := meant(text)) < math.inf:
+                    return period
+        raise click.BadParameter(f"'{text}' is no period; write e.g. 0.5, 20 ms, 50 Hz, 40 rad/s or 600 rpm")
+
+    return click.option("--period", metavar="T", callback=read, help=words)
+
+
+def _of_turns(text: str) -> float:
+    from hfsim.deck.units import parse_quantity
+
+    return 2.0 * math.pi / parse_quantity(text, "angular_velocity")
+
+
+def _of_swings(text: str) -> float:
+    from hfsim.deck.units import parse_quantity
+
+    return 1.0 / parse_quantity(text, "frequency")
+
+
 def time_option(name: str, words: str, default: str | None = None) -> _Option:
     """Return an option that takes a time: seconds, or None where none is given and there is no default."""
     return click.option(

@@ -18,6 +18,13 @@ MODE_COLUMNS = (
     Column("bodies", lambda row: " ".join(f"{name}:{share:.4f}" for name, share in row["bodies"].items())),
 )
 """Columns of ``modes.csv``: frequencies in Hz, rates in 1/s."""
+PERIODIC_COLUMNS = (
+    *("mode", "frequency", "growth_rate", "uncertainty", "kind"),
+    Column("multiplier_real", lambda row: row["multiplier"][0]),
+    Column("multiplier_imag", lambda row: row["multiplier"][1]),
+    MODE_COLUMNS[-1],
+)
+"""The same of modes about a periodic motion."""
 CAMPBELL_COLUMNS = ("rate", *MODE_COLUMNS)
 """Columns of ``campbell.csv``; the rate in rad/s."""
 _TEXT = (
@@ -27,6 +34,11 @@ _TEXT = (
     Column("growth [1/s]", "growth", lambda value: f"{value:.4g}" if value else "-", 1),
     Column("kind"),
     Column("moves", "mostly"),
+)
+_OF_PERIOD = (
+    *_TEXT[:2],
+    Column("multiplier", "multiplier", lambda value: f"{abs(value):.7g}"),
+    *_TEXT[3:],
 )
 _MOST_TOLD = 6
 _STILL = 1e-9
@@ -43,7 +55,7 @@ def modes_text(found: Modes, place: str) -> str:
     size = f"{plural(motions.mass.shape[0], 'unknown')}, {plural(motions.jacobian.shape[0], 'multiplier')}"
     lines = [f"{scene.deck.name}, {scene.model}: modes about {_state(found)}; {size}"]
     lines += [wrapped(one) for one in state_warnings(found)]
-    lines.append(table(_TEXT, found.modes))
+    lines.append(table(_TEXT if found.about.period is None else _OF_PERIOD, found.modes))
     lines += [wrapped(one) for one in _verdict(found)]
     return "\n".join([*lines, f"  results: {place}"] if place else lines)
 
@@ -51,6 +63,8 @@ def modes_text(found: Modes, place: str) -> str:
 def _state(found: Modes) -> str:
     facts = found.about.facts()
     words = {"start": "the start", "equilibrium": "the equilibrium", "steady": "a steady rotation"}
+    if facts["period"] is not None:
+        return f"the motion of period {facts['period']:.6g} s from {facts['time']:.6g} s on"
     told = words.get(facts["state"], f"the state of the run at {facts['time']:.6g} s")
     if facts["spin"] is not None:
         rate = float(np.linalg.norm(facts["spin"]))
@@ -81,7 +95,12 @@ def state_warnings(found: Modes) -> Iterator[str]:
         yield from passed(scene, found.about.motions.x[None], found.about.t)
         if free:
             yield one_of_many(scene, scene.system.reduction.free_rates(np.array(free)))
-    if found.uneven:
+    if found.uneven and facts["period"] is not None:
+        yield (
+            "what acts is other a period later: modes are those of a motion that goes on as in this period; "
+            "say the period of all laws and drivers"
+        )
+    elif found.uneven:
         yield (
             "no steady rotation: what acts or holds, such as weight across the axis or a bearing that is not "
             "alike all around, is other after a part of a turn; modes are those at this angle"
@@ -113,7 +132,11 @@ def _verdict(found: Modes) -> Iterator[str]:
     if free:
         yield f"free: nothing brings back {plural(len(free), 'mode')} ({_listed(free)}), of frequency zero"
     if not found.unstable:
-        yield "none is unstable" + ("" if found.whole else " among those next to rest")
+        looked = "looked at" if found.about.period else "next to rest"
+        yield "none is unstable" + ("" if found.whole else f" among those {looked}")
+    if found.about.period:
+        often = f"{1.0 / found.about.period:.6g} Hz"
+        yield f"frequencies are known but for multiples of {often}; what fades in a period is left out"
     if not found.complete:
         yield "whether one is missing between them could not be checked: try another --count"
 
@@ -168,6 +191,11 @@ def _cell(mode: Mode | None) -> str | None:
     if mode is None:
         return None
     return f"{mode.frequency:.6g}" + ("*" if mode.unstable else "")
+
+
+def columns_of(found: Modes) -> Sequence[Any]:
+    """Return the columns of ``modes.csv``."""
+    return MODE_COLUMNS if found.about.period is None else PERIODIC_COLUMNS
 
 
 def mode_rows(found: Modes) -> list[dict[str, Any]]:

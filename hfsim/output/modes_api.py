@@ -19,6 +19,7 @@ def modes(
     *,
     about: str = "start",
     at: float | None = None,
+    period: float | None = None,
     count: int = 12,
     progress: Progress | None = None,
 ) -> Modes:
@@ -32,10 +33,13 @@ def modes(
         ``"start"``, ``"equilibrium"`` next to it, or ``"steady"``, the rotation at its rates.
     at : float, optional
         Instead: the state of a run at this time [s].
+    period : float, optional
+        Of the periodic motion next to the start, or next to the run at that time, about which they are [s];
+        then ``found[1].multiplier``.
     count : int
         Modes wanted, from slow to fast.
     progress : callable, optional
-        Called with the share of the run that is done, 0 to 1.
+        Called with the share of the runs that is done, 0 to 1.
 
     Returns
     -------
@@ -53,12 +57,16 @@ def modes(
         If the scene cannot be linearised there.
     """
     from hfsim.scene.measured import without_refused_channels
-    from hfsim.studies.modes import modes_of
+    from hfsim.studies.modes import modes_of, periodic
     from hfsim.studies.modes.about import about as state_of
+    from hfsim.studies.modes.about import check_state
 
-    real(at=at)
+    real(at=at, period=period)
     integral(count=count)
     loaded = without_refused_channels(load(deck, changes).with_numbers())
+    if period is not None:
+        check_state(about, at)
+        return periodic(loaded, period, count, at, progress)
     return modes_of(state_of(loaded, about, at, progress), count)
 
 

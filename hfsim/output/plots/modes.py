@@ -73,9 +73,8 @@ def _page(found: Modes, modes: Sequence[Mode]) -> Figure:
             axes.yaxis.label.set(fontsize=8, visible=axes in panels[:, 0])
     about = found.about
     turning = ", seen from axes that turn" if about.axes_turn else ""
-    words = (
-        f"{about.scene.deck.name}, {about.scene.model}: modes; grey: {about.state}{turning}; both extremes"
-    )
+    state = about.state if about.period is None else f"{about.t:.4g} s in a period of {about.period:.4g} s"
+    words = f"{about.scene.deck.name}, {about.scene.model}: modes; grey: {state}{turning}; both extremes"
     set_title_above(figure, words)
     return figure
 
@@ -96,7 +95,7 @@ def _title(mode: Mode) -> str:
         told += f", {mode.kind}"
     if mode.turns_only:
         told += ", turns only"
-    if mode.value.imag and mode.value.real:
+    if mode.value.imag and mode.value.real and mode.about.period is None:
         told += f", damping ratio {mode.damping_ratio:.3g}"
     elif mode.value.real:
         told += f", {mode.growth:+.3g}/s"

@@ -13,10 +13,11 @@ import numpy as np
 from hfsim.errors import ArgumentError
 from hfsim.marching.stop import Progress, nobody
 from hfsim.maths.arrays import Array, ComplexArray
-from hfsim.studies.modes.about import About, ModesError, turning_about
+from hfsim.studies.modes.about import turning_about
 from hfsim.studies.modes.following import Steady, followed, mode_between
 from hfsim.studies.modes.found import Mode, Modes, check_count
 from hfsim.studies.modes.growth import Onset, onsets
+from hfsim.studies.modes.state import About, ModesError
 
 ORDERS = (1, 2, 3)
 """Excitations per revolution whose lines are drawn."""

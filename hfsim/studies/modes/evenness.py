@@ -8,7 +8,7 @@ from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.matrices import Matrix
 from hfsim.mechanics.small_motions import small_motions
 from hfsim.mechanics.turning import NOISE
-from hfsim.studies.modes.about import EVEN, About
+from hfsim.studies.modes.state import EVEN, About
 
 
 def stays_even(state: About, shapes: ComplexArray, rates: Array, uncertainty: Array) -> bool:

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, ComplexArray
-from hfsim.studies.modes.about import About, turning_at
+from hfsim.studies.modes.about import turning_at
 from hfsim.studies.modes.found import Mode, Modes, modes_of
+from hfsim.studies.modes.state import About
 
 SPARE = 6
 """Modes looked at beyond those asked for: some drop out of the slowest."""

@@ -13,8 +13,8 @@ from hfsim.errors import ArgumentError
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.eigenpairs import Eigenpairs, eigenpairs
 from hfsim.mechanics.turning import Turning
-from hfsim.studies.modes.about import EVEN, About, ModesError
 from hfsim.studies.modes.evenness import stays_even
+from hfsim.studies.modes.state import EVEN, About, ModesError
 from hfsim.studies.modes.sticking import Sticking, sticking
 
 KINDS = {
@@ -105,6 +105,11 @@ class Mode:
         return float(self.value.real)
 
     @property
+    def multiplier(self) -> complex | None:
+        """What a period makes of it, if it is one of a periodic motion."""
+        return None if self.about.period is None else complex(np.exp(self.value * self.about.period))
+
+    @property
     def unstable(self) -> bool:
         """Whether it grows."""
         return self.kind in UNSTABLE
@@ -129,7 +134,7 @@ class Mode:
 
     def facts(self) -> dict[str, Any]:
         """Return its numbers."""
-        return {
+        facts = {
             "mode": self.number,
             "kind": self.kind,
             "frequency": self.frequency,
@@ -139,6 +144,10 @@ class Mode:
             "uncertainty": self.uncertainty,
             "bodies": self.shares,
         }
+        if self.multiplier is not None:  # frequencies are not known to multiples of one, nor ratios to them
+            facts |= {"natural_frequency": None, "damping_ratio": None}
+            facts["multiplier"] = [self.multiplier.real, self.multiplier.imag]
+        return facts
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,6 +221,8 @@ class Modes:
     @cached_property
     def sticking(self) -> list[Sticking]:
         """Friction that sticks in the state and damps some of them."""
+        if self.about.period is not None:
+            return []
         return sticking(self.about, [(mode.value, mode.change) for mode in self.modes])
 
     @property
@@ -282,15 +293,19 @@ def _mode(state: About, found: Eigenpairs, k: int) -> Mode:
     return Mode(k + 1, kind, value, uncertainty, change, state)
 
 
-def _kind(state: About, value: complex, uncertainty: float, doubled: bool, change: ComplexArray) -> str:
+def kind_of(value: complex, doubled: bool) -> str:
+    """Return what a motion is by its eigenvalue, and by whether it goes on by itself if nothing resists."""
     if not value:
         return "rigid" if doubled else "drift"
     if value.real > 0.0:
         return "flutter" if value.imag else "divergence"
-    if not value.imag:
-        return "decay"
-    if state.turning is None or value.real:
-        return "vibration"
+    return "vibration" if value.imag else "decay"
+
+
+def _kind(state: About, value: complex, uncertainty: float, doubled: bool, change: ComplexArray) -> str:
+    kind = kind_of(value, doubled)
+    if kind != "vibration" or state.turning is None or value.real:
+        return kind
     # seen from axes that turn, what is shifted or tilted goes round at their rate
     spin = float(np.linalg.norm(state.turning.spin))
     around = abs(value.imag - spin) <= _AT_RATE * spin + uncertainty

@@ -16,9 +16,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.studies.modes.about import ModesError
 from hfsim.studies.modes.following import ALIKE, Steady, assigned, how_unlike
 from hfsim.studies.modes.found import Mode, Modes
+from hfsim.studies.modes.state import ModesError
 
 _CLOSE, _TRIES = 1e-3, 16
 """Relative width within which growth begins; how often rates are halved at most."""

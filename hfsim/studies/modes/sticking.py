@@ -10,7 +10,7 @@ import numpy as np
 from hfsim.maths.arrays import ComplexArray
 from hfsim.mechanics.ties import Tie
 from hfsim.scene.build import Scene
-from hfsim.studies.modes.about import About
+from hfsim.studies.modes.state import About
 
 _COUNTS = 1e-2
 """Part of critical damping of a mode from which it is told what makes it."""

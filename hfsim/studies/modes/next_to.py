@@ -1,0 +1,211 @@
+"""States next to one, in few numbers, and what they are a period later.
+
+Numbers are those of displacements along the slowest motions that are there, of unit mass, and those of their
+rates, over the rates of motions.  Faster motions follow these.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, cast
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, are_finite
+from hfsim.maths.matrices import dense
+from hfsim.maths.squares import squares_of
+from hfsim.mechanics.small_motions import SmallMotions
+from hfsim.mechanics.system import System
+from hfsim.scene.build import Scene
+from hfsim.studies.modes.state import About, after, linearised
+
+OFTEN = 50.0
+"""Swings in a period of a motion that is as fast as those which follow: runs would have to resolve it."""
+_APART = 3e-4
+"""How far a state is moved, over the size of the scene, or over one where that is larger."""
+_FADED = 0.05
+"""Part of the largest number after a period below which nothing need follow it."""
+
+
+@dataclass(frozen=True, eq=False)
+class NextTo:
+    """States next to one of a scene.
+
+    Attributes
+    ----------
+    about : About
+        The state, with its period.
+    q, v : ndarray, shape (n,)
+        Its coordinates and rates.
+    most : int
+        Motions along which it is moved.
+    following : ndarray, shape (2, n_z, 2 r), or None
+        Changes of free coordinates and their rates that faster motions add to those of each number.
+    """
+
+    about: About
+    q: Array
+    v: Array
+    most: int
+    following: Array | None = field(default=None)
+
+    @classmethod
+    def of(cls, scene: Scene, q: Array, v: Array, t: float, period: float, most: int) -> NextTo:
+        """Return those next to a state at a time [s].
+
+        Raises
+        ------
+        ModesError
+            If its equations are singular there.
+        """
+        state = linearised(scene, q, v, "periodic", t, turns=False)
+        return cls(replace(state, period=period), q, v, most)
+
+    @property
+    def system(self) -> System:
+        """The equations."""
+        return self.about.scene.system
+
+    @property
+    def period(self) -> float:
+        """[s]."""
+        assert self.about.period is not None
+        return self.about.period
+
+    @property
+    def motions(self) -> SmallMotions:
+        """What is linear at the state."""
+        return self.about.motions
+
+    @cached_property
+    def _slowest(self) -> tuple[Array, Array]:
+        """Frequencies without velocities (r,) [rad/s], and their motions (n_z, r), of unit mass."""
+        pencil = self.motions.pencil
+        own = 0.5 * (pencil.stiffness + pencil.stiffness.T)
+        resting = replace(pencil, velocity=0.0 * pencil.velocity, stiffness=own)
+        squares, motions, _, _ = squares_of(resting, self.most)
+        order = np.argsort(np.abs(squares), kind="stable")[: self.most]
+        rates = np.sqrt(np.abs(squares[order]))
+        slow = max(1, int(np.sum(rates * self.period <= 2.0 * np.pi * OFTEN)))
+        kept = motions.real[:, order[:slow]]
+        root = np.linalg.cholesky(kept.T @ (pencil.mass @ kept))
+        return rates[:slow], np.linalg.solve(root, kept.T).T
+
+    @property
+    def number(self) -> int:
+        """Of motions, r."""
+        return len(self._slowest[0])
+
+    @property
+    def all(self) -> bool:
+        """Whether these are all that there are."""
+        return self.number == self.motions.pencil.free
+
+    @cached_property
+    def _rates(self) -> Array:
+        """What rates of motions are measured by (r,) [1/s]."""
+        return np.maximum(self._slowest[0], 1.0 / self.period)
+
+    @cached_property
+    def displacements(self) -> Array:
+        """Changes of the absolute coordinates along each motion, (n_x, r)."""
+        return np.asarray(self.motions.basis @ self._slowest[1])
+
+    @cached_property
+    def _changes(self) -> Array:
+        """Changes of the free coordinates and of their rates by each number, (2, n_z, 2 r)."""
+        motions, nothing = self._slowest[1], np.zeros_like(self._slowest[1])
+        return np.stack([np.hstack([motions, nothing]), np.hstack([nothing, motions * self._rates])])
+
+    @cached_property
+    def steps(self) -> Array:
+        """How far states are moved by each number, (2 r,): fast motions less, so that all are as quick."""
+        largest = np.abs(self.displacements).max(axis=0) * self._rates * self.period
+        return np.tile(_APART * min(1.0, self.about.size) / largest, 2)
+
+    def numbers(self, change: Array) -> Array:
+        """Return the numbers (2 r, ...) of changes of free coordinates and rates (2, n_z, ...)."""
+        read = self._slowest[1].T @ dense(self.motions.pencil.mass)
+        return np.concatenate([read @ change[0], ((read @ change[1]).T / self._rates).T])
+
+    def moved(self, by: Array, first: Array | None = None) -> tuple[Array, Array]:
+        """Return the state (q, v) that is moved by numbers (2 r,); what turns keeps its length.
+
+        Parameters
+        ----------
+        first : ndarray, shape (2, n_z), optional
+            Changes that it is moved by before.
+        """
+        system, natural = self.system, cast(Any, self.system.natural)
+        x, u = self.motions.x[None], self.motions.u[None]
+        z, w = system.reduction.free(x), system.reduction.free_rates(u)
+        if first is not None:
+            z, w = z + first[0], w + first[1]
+        changes = self._changes if self.following is None else self._changes + self.following
+        dz, dw = (changes @ by)[:, None]
+        if natural is not None and not system.charts:
+            natural = natural.from_state(z[0])
+            at = natural.geometry(z)
+            dz = natural.advance(at, natural.to_natural(at, dz))
+        x, u = system.reduction.expand(z + dz), system.reduction.expand_rates(w + dw)
+        q, v = system.project(np.array([self.about.t]), *system.state(x, u, self.q[None]))
+        return q[0], v[0]
+
+    def _end(self, q: Array, v: Array) -> Array:
+        """Return where a state leads in a period, coordinates and their rates (2, n_x)."""
+        t = self.about.t
+        q, v = after(self.about.scene, t + self.period, start=(t, q, v))
+        x, u = self.system.absolute(q[None]), self.system.absolute_velocity(q[None], v[None])
+        return np.concatenate([x, u])
+
+    def _between(self, end: Array, begin: Array) -> Array:
+        """Return changes of free coordinates and rates, full turns left out."""
+        change, bodies = end - begin, self.about.scene.bodies.values()
+        angles = [body.angle_column for body in bodies if body.angle_column is not None]
+        change[0, angles] -= 2.0 * np.pi * np.round(change[0, angles] / (2.0 * np.pi))
+        return self.system.reduction.free_rates(change)
+
+    @cached_property
+    def _led(self) -> Array:
+        """What a period changes, of free coordinates and rates (2, n_z)."""
+        return self._between(self._end(self.q, self.v), np.stack([self.motions.x, self.motions.u]))
+
+    @cached_property
+    def gap(self) -> tuple[Array, float]:
+        """What a period changes: in numbers (2 r,), and, with faster displacements, over the size."""
+        by = self.numbers(self._led)
+        rest = self.motions.basis @ (self._led - self._changes @ by)[0]
+        size = np.linalg.norm(by) / np.sqrt(self.about.mass) + self.about.mean(rest)
+        return by, float(size) / self.about.size
+
+    def at(self, step: Array, settled: bool) -> NextTo:
+        """Return those next to the state that is moved by numbers (2 r,).
+
+        Parameters
+        ----------
+        settled : bool
+            Whether fast motions go on from where they have come to in a period.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If that is too far for the scene.
+        """
+        rest = self._led - self._changes @ self.gap[0] if settled else None
+        with np.errstate(all="ignore"):
+            q, v = self.moved(step, rest)
+        if not are_finite(q, v):
+            raise np.linalg.LinAlgError("too far")
+        return self.of(self.about.scene, q, v, self.about.t, self.period, self.most)
+
+    def becomes(self, by: Array) -> Array:
+        """Return what comes of moving by small numbers (2 r,), after a period, (2, n_z)."""
+        ends = [self._end(*self.moved(one)) for one in (by, -by)]
+        return 0.5 * self._between(*ends)
+
+    def followed(self, becoming: Array) -> NextTo:
+        """Return the same with fast motions as they follow each number, by what becomes of these."""
+        monodromy = self.numbers(becoming)
+        rest = becoming - self._changes @ monodromy
+        return replace(self, following=rest @ np.linalg.pinv(monodromy, rcond=_FADED))

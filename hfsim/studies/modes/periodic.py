@@ -1,0 +1,189 @@
+"""Small motions about a periodic one, by Floquet's theory.
+
+What is next to a periodic motion is after a period what a matrix, the monodromy, makes of it: its eigenvalues
+are the multipliers exp(value T).  The matrix is found by runs over a period, from states next to the start of
+the motion, and with it that start itself: by shooting, with Newton's method for slow motions, while what is
+fast goes on from where it has come to (Newton-Picard method of Lust and Roose).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+
+import numpy as np
+
+from hfsim.errors import ArgumentError
+from hfsim.marching.stop import Progress, nobody
+from hfsim.maths.arrays import Array, ComplexArray, IntArray
+from hfsim.scene.build import build
+from hfsim.scene.loading import LoadedDeck
+from hfsim.studies.modes.found import Mode, Modes, check_count, kind_of
+from hfsim.studies.modes.next_to import NextTo
+from hfsim.studies.modes.state import ModesError, after
+
+FEW = 24
+"""Motions up to which all slow ones are looked at."""
+_TOLERANCE = 1e-11
+_CLOSED, _CLOSED_NEARLY = 1e-8, 1e-6
+"""Distance after a period, over the size, that is none; the same where iterations come no nearer."""
+_MOST, _HALVES = 20, 6
+"""Iterations, and how often a step is halved in one."""
+_FREE = 1e-6
+"""What a period changes of numbers, relative, that is nothing."""
+_FLOOR, _SURE, _FADED = 1e-9, 1.0, 10.0
+"""Least error of the monodromy; factor on what a multiplier changes by where its own motion is followed; size
+of one, over its error, up to which it is not known."""
+
+
+def periodic(
+    loaded: LoadedDeck, period: float, count: int, at: float | None = None, progress: Progress | None = None
+) -> Modes:
+    """Return the slowest modes about the periodic motion next to a state, and those of them that grow.
+
+    Parameters
+    ----------
+    period : float
+        [s].
+    at : float, optional
+        Time of a run at which that state is [s]; the start without it.
+
+    Raises
+    ------
+    ArgumentError
+        If that is no period or no time, or no mode is wanted.
+    DeckError
+        If the scene cannot be assembled, or a law has no value somewhere until then.
+    ModesError
+        If a run over a period ends early, with its exit code, or no periodic motion is found.
+    KeyboardInterrupt
+        If a signal ends a run.
+    """
+    check_count(count)
+    if not 0.0 < period < np.inf:
+        raise ArgumentError(f"{period:g} s is no period: it must be greater than zero")
+    begin = at or 0.0
+    solve = {"tolerance": _TOLERANCE, "step": None, "max_steps": None}
+    scene = build(loaded.until(begin + period).with_solve({"duration": begin + period, **solve}))
+    q, v = after(build(loaded.until(begin)), begin, progress) if at else (scene.q, scene.v)
+    start = NextTo.of(scene, q, v, begin, period, max(FEW, 2 * count))
+    return _modes(*_closed(start, progress or nobody), count)
+
+
+def _becoming(near: NextTo, progress: Progress) -> Array:
+    """Return what becomes of each number in a period, (2, n_z, 2 r)."""
+    found = []
+    for k, by in enumerate(np.diag(near.steps)):
+        found.append(near.becomes(by) / near.steps[k])
+        progress((k + 1) / len(near.steps))
+    return np.stack(found, axis=-1)
+
+
+def _closed(near: NextTo, progress: Progress) -> tuple[NextTo, Array, Array]:
+    """Return the start of the periodic motion, its monodromy and, where fast motions follow, one before."""
+    for k in range(_MOST + 1):
+        becoming = _becoming(near, _part(progress, k))
+        monodromy, (gap, size) = near.numbers(becoming), near.gap
+        if size > _CLOSED:
+            step = np.linalg.lstsq(monodromy - np.eye(len(gap)), -gap, rcond=_FREE)[0]
+            nearer = _nearer(near, step) if k < _MOST else None
+            if nearer is not None:
+                near = nearer
+                continue
+            if size > _CLOSED_NEARLY:
+                raise _nothing(near, k)
+        if near.all:
+            return near, monodromy, monodromy
+        near = near.followed(becoming)
+        return near, near.numbers(_becoming(near, _part(progress, k + 1))), monodromy
+    raise AssertionError
+
+
+def _part(progress: Progress, k: int) -> Progress:
+    """Return what tells the share of all that is done from that of an iteration."""
+    return lambda share: progress(1.0 - 0.5**k * (1.0 - 0.5 * share))
+
+
+def _nearer(near: NextTo, step: Array) -> NextTo | None:
+    """Return a state from which the motion closes better; None if there is none along a step."""
+    ways = (False,) if near.all else (True, False)
+    for k, settled in product(range(_HALVES), ways):
+        try:
+            found = near.at(step * 0.5**k, settled)
+            if found.gap[1] < 0.9 * near.gap[1]:
+                return found
+        except (ModesError, np.linalg.LinAlgError):
+            continue
+    return None
+
+
+def _nothing(near: NextTo, iterations: int) -> ModesError:
+    about = near.about
+    where = f"the run at {about.t:.6g} s" if about.t else "the start"
+    return ModesError(
+        f"no motion of period {near.period:.6g} s was found next to {where}: after {iterations} iterations "
+        f"one is still {near.gap[1] * about.size:.3g} m from where it began (mean square by mass, rates "
+        "counted too); is that the period of all laws and drivers? --at T begins at the state of a run"
+    )
+
+
+def _modes(near: NextTo, monodromy: Array, before: Array, count: int) -> Modes:
+    """Return the modes that multipliers are of."""
+    found = sorted(_exponents(near, monodromy, before, count), key=lambda one: (abs(one[0]), -one[0].real))
+    modes = []
+    for number, (value, uncertainty, doubled, vector) in enumerate(found, 1):
+        kind, change = kind_of(value, doubled), near.displacements @ vector
+        modes.append(Mode(number, kind, value, uncertainty, change, near.about))
+    return Modes(near.about, tuple(modes), True, near.all)
+
+
+def _exponents(
+    near: NextTo, monodromy: Array, before: Array, count: int
+) -> Iterator[tuple[complex, float, bool, ComplexArray]]:
+    """Yield values [1/s], their uncertainties, whether they count twice, and displacements (r,)."""
+    r, period = near.number, near.period
+    multipliers, vectors = (one.astype(complex) for one in np.linalg.eig(monodromy))
+    left = np.linalg.inv(vectors)
+    off = _FLOOR * np.linalg.norm(left, axis=1) * np.linalg.norm(vectors, axis=0)
+    off += np.abs(multipliers[:, None] - np.linalg.eigvals(before)).min(axis=1)
+    told = _told(multipliers, off, count)
+    for k in told:
+        missing = left[k] @ (_becomes(near, vectors[:, k], multipliers[k]) - multipliers[k] * vectors[:, k])
+        multipliers[k], off[k] = multipliers[k] + missing, off[k] + _SURE * abs(missing)
+    size = np.abs(multipliers[told])
+    told = told[(size > _FADED * off[told]) & ((np.arange(len(told)) < count) | (size > 1.0 + off[told]))]
+    still = told[np.abs(multipliers[told] - 1.0) <= off[told]]
+    often = len(still) + int(np.sum(multipliers[still].imag > 0.0))
+    yield from _free(vectors[:r, still], often, float(off[still].max(initial=0.0)) / period)
+    for k in np.setdiff1d(told, still):
+        uncertainty = float(off[k] / np.abs(multipliers[k])) / period
+        value = complex(np.log(multipliers[k])) / period
+        parts = (one if abs(one) > uncertainty else 0.0 for one in (value.real, value.imag))
+        yield complex(*parts), uncertainty, False, vectors[:r, k]
+
+
+def _told(multipliers: ComplexArray, off: Array, count: int) -> IntArray:
+    """Return which multipliers are known, of the slowest motions and of what may grow; of a pair one."""
+    known = np.flatnonzero((np.abs(multipliers) > _FADED * off) & (multipliers.imag >= 0.0))
+    order = known[np.argsort(np.abs(np.log(multipliers[known])), kind="stable")]
+    return order[(np.arange(len(order)) < count) | (np.abs(multipliers[order]) > 1.0 + off[order])]
+
+
+def _becomes(near: NextTo, vector: ComplexArray, multiplier: complex) -> ComplexArray:
+    """Return what becomes of a vector of numbers in a period, by one so small that it stays so."""
+    small = 0.5 * float((near.steps / np.maximum(np.abs(vector), 1e-300)).min()) / max(1.0, abs(multiplier))
+    parts = [vector.real, vector.imag] if np.any(vector.imag) else [vector.real]
+    found = [near.numbers(near.becomes(small * part)) / small for part in parts]
+    return np.asarray(found[0] + 1j * (found[1] if len(found) > 1 else 0.0))
+
+
+def _free(
+    vectors: ComplexArray, often: int, uncertainty: float
+) -> Iterator[tuple[complex, float, bool, ComplexArray]]:
+    """Yield the motions that are the same after a period; those go on by themselves that count twice."""
+    if not often:
+        return
+    left, sizes, _ = np.linalg.svd(np.hstack([vectors.real, vectors.imag]), full_matrices=False)
+    kept = left[:, sizes > 1e-3 * sizes[0]][:, :often].astype(complex)
+    for k, vector in enumerate(kept.T):
+        yield 0j, uncertainty, k < often - kept.shape[1], vector
