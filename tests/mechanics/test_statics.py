@@ -509,6 +509,70 @@ def test_the_limit_of_the_loads_is_that_of_their_path_wherever_the_scene_starts(
     assert path.status == "done" and path.final["block.y"] == pytest.approx(run.final["block.y"], rel=1e-9)
 
 
+RIDGE = """
+hfsim: 1
+gravity: [0.3, -9.81]
+ground: {points: {g: [0.2, -0.5]}}
+bodies: {A: {type: rigid, mass: 0.66, inertia: 0.055, points: {r: [-0.5, 0], m: [-0.13, 0]}}}
+joints: {p: {type: revolute, between: [ground, A.r]}}
+springs: {s: {type: two_point, between: [ground.g, A.m], stiffness: 150.0, rest_length: 0.3}}
+solve: {duration: 1.0}
+output: {channels: [A.angle]}
+"""
+
+
+@pytest.mark.parametrize("start", [-1.3, -1.2, -1.1, -1.0])
+def test_what_starts_beside_the_edge_between_two_places_of_rest_comes_down_on_its_side(start):
+    """Loads that are put on from there lead up to the edge, at -1.134 rad."""
+    from scipy.optimize import brentq
+
+    def moment(angle):
+        arm = np.array([np.cos(angle), np.sin(angle)])
+        way = 0.37 * arm - (0.2, -0.5)
+        pull = np.array([0.3, -9.81]) * 0.66 * 0.5 - 0.37 * 150.0 * way * (1.0 - 0.3 / np.linalg.norm(way))
+        return pull @ (-arm[1], arm[0])
+
+    way = np.sign(moment(start))
+    ahead = start + way * np.arange(0.0, 1.0, 0.01)
+    end = next(one for one in ahead if moment(one) * way < 0.0)
+    run = run_static(parse_deck(RIDGE, overrides=[f"initial.A.angle={start}"]))
+    assert run.final["A.angle"] == pytest.approx(brentq(moment, end - way * 0.01, end), abs=1e-9)
+    assert run.statistics["stable"] and not run.statistics["warnings"]
+
+
+@pytest.mark.parametrize("push", [-0.5, 0.5])
+def test_a_small_load_across_leads_away_from_a_dead_centre(push):
+    changes = ["initial.guide.distance=0", f"loads.push.force=[0, {push}]"]
+    run = run_static(parse_deck(TOGGLE, overrides=changes))
+    y = run.final["block.y"]
+    assert run.statistics["stable"] and not run.statistics["warnings"] and y * push > 0.0
+    assert 100.0 * (1.1 / np.hypot(1.0, y) - 1.0) * y == pytest.approx(-push, rel=1e-9)
+
+
+SOFTENING = """
+hfsim: 1
+materials: {m: {density: 1000.0, youngs_modulus: 2.0e+11}}
+sections: {s: {shape: rectangle, width: 0.03, height: 0.03}}
+bodies: {arm: {type: beam, material: m, section: s, length: 1.0, elements: 1}}
+joints: {hinge: {type: revolute, between: [ground, arm.root]}}
+springs:
+  latch: {type: rotational, between: [ground, arm.root], table: [[0, 0], [0.1, 10], [0.2, 0], [99, 0]]}
+loads: {turn: {type: moment, at: arm.tip, moment: 5.0}}
+initial: {hinge: {angle: 0.18}}
+solve: {duration: 1.0}
+output: {channels: [hinge.angle, arm.angle, latch.moment]}
+"""
+
+
+def test_an_edge_below_which_nothing_rests_is_told_with_its_own_turns():
+    """Beside it the arm turns for ever."""
+    run = run_static(parse_deck(SOFTENING))
+    assert run.status == "done" and not run.statistics["stable"]
+    assert abs(run.final["latch.moment"]) == pytest.approx(5.0, rel=1e-9)
+    assert 0.1 < run.final["hinge.angle"] < 0.18
+    assert run.final["arm.angle"] == pytest.approx(run.final["hinge.angle"], abs=1e-4)
+
+
 def test_a_search_that_begins_anew_counts_turns_from_the_start():
     scene = build(parse_deck(FLAP, overrides=["springs.coil.rest_angle=240 deg"]))
     turns = Turns(scene)

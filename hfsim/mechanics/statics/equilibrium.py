@@ -13,7 +13,7 @@ from hfsim.mechanics.statics.beginning import begun
 from hfsim.mechanics.statics.newton import HOLD, Effort, NotFoundError, stepped
 from hfsim.mechanics.statics.problem import Level, Problem, State
 from hfsim.mechanics.statics.relaxation import relaxed
-from hfsim.mechanics.statics.stability import Signs, neutral
+from hfsim.mechanics.statics.stability import Signs, lowest, neutral
 
 KICK = 0.02
 """Size of a push out of a place of rest that is not stable [rad]."""
@@ -134,7 +134,24 @@ class Search:
         share, state = stepped(self.problem, self.effort, signs=self._signs)
         if share < 1.0:
             return self._downhill(state, share)
-        return self._judged(state, False, None)
+        found = self._judged(state, False, None)
+        return found if found.stable or self.problem.turning is not None else self._let_go(found)
+
+    def _let_go(self, found: Equilibrium) -> Equilibrium:
+        """Return what a scene comes to that gives way without the loads, for a place that is not stable.
+
+        Held back by forces that fade, it is led uphill, to an edge from which ways downhill part.  Where no
+        stable rest is found downhill, that is what there is.
+        """
+        with self.problem.apart() as problem:
+            held = (lowest(problem, problem.begin(), 0.0)[0] >= 0.0).all()
+        if held:
+            return found
+        below = Search(self.problem, self.rigid, self.effort)._downhill(self.problem.begin(), 0.0)
+        if not below.reason and below.stable:
+            return below
+        stepped(self.problem, self.effort, signs=Signs(self.problem))  # turns are those on the way there
+        return found
 
     def _neutral(self, state: State, load: float) -> Array:
         return neutral(self.problem, state, load, self.rigid(self.problem.expand(state.z)))
