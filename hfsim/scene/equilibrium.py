@@ -284,11 +284,13 @@ def doubts(scene: Assembled, found: Equilibrium, x: Array, t: float = 0.0) -> It
     yield from passed(scene, x, t)
     if not found.stable:
         time = 1.0 / float(np.sqrt(-found.values[0]))
-        since = "" if found.crossed is None else f" from {found.crossed:.4g} of the loads on"
-        yield (
-            f"the equilibrium is not stable{since}: a small push grows e-fold in {time:.3g} s; "
-            "a smaller load, or a small load across, leads to one that is"
-        )
+        since, remedy = "", "a start a little beside it (initial), or a small load across, leads away from it"
+        if found.crossed is not None:
+            since = f" from {found.crossed:.4g} of the loads on"
+            remedy = (
+                "a smaller load, or, unless it swings as it grows, a small load across, leads to one that is"
+            )
+        yield f"the equilibrium is not stable{since}: a small push grows e-fold in {time:.3g} s; {remedy}"
     elif found.crossed is not None:
         yield (
             f"from {found.crossed:.4g} of the loads on, places of rest on the way are not stable: "

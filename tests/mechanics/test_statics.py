@@ -541,9 +541,11 @@ def test_what_starts_beside_the_edge_between_two_places_of_rest_comes_down_on_it
 
 
 @pytest.mark.parametrize("push", [-0.5, 0.5])
-def test_a_small_load_across_leads_away_from_a_dead_centre(push):
-    changes = ["initial.guide.distance=0", f"loads.push.force=[0, {push}]"]
-    run = run_static(parse_deck(TOGGLE, overrides=changes))
+def test_a_small_load_across_leads_away_from_a_dead_centre_as_its_warning_says(push):
+    changes = ["initial.guide.distance=0", "loads.push.force=[0, 0]"]
+    (told,) = run_static(parse_deck(TOGGLE, overrides=changes)).statistics["warnings"]
+    assert told.endswith("a start a little beside it (initial), or a small load across, leads away from it")
+    run = run_static(parse_deck(TOGGLE, overrides=[changes[0], f"loads.push.force=[0, {push}]"]))
     y = run.final["block.y"]
     assert run.statistics["stable"] and not run.statistics["warnings"] and y * push > 0.0
     assert 100.0 * (1.1 / np.hypot(1.0, y) - 1.0) * y == pytest.approx(-push, rel=1e-9)
