@@ -7,10 +7,13 @@ near one another or part slowly, in an unstable one their distance grows exponen
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
 
+from hfsim.deck.spec import Spec
 from hfsim.marching.integration import Integration, run_integration
 from hfsim.marching.rounding import ROUNDING
 from hfsim.marching.stop import Progress
@@ -75,12 +78,18 @@ def loaded_items(scene: Scene) -> list[str]:
 
 
 def amplitude_of(scene: Scene, item: str) -> tuple[str, float] | None:
-    """Return deck path and value of the amplitude of a periodic law of a load or driver, if it has one."""
-    kind, name = item.split(".", 1)
-    for key, law in getattr(scene.deck, kind)[name]:
-        if hasattr(law, "amplitude"):
-            return f"{item}.{key}.amplitude", float(law.amplitude)
-    return None
+    """Return deck path and value of the amplitude of a periodic law of a load or joint, if it has one."""
+    kind, name, *keys = item.split(".")
+    return next(_amplitudes(item, reduce(getattr, keys, getattr(scene.deck, kind)[name])), None)
+
+
+def _amplitudes(path: str, entry: Spec) -> Iterator[tuple[str, float]]:
+    """Yield deck path and value of the amplitudes of periodic laws in an entry of a deck."""
+    for key, own in entry:
+        if hasattr(own, "amplitude"):
+            yield f"{path}.{key}.amplitude", float(own.amplitude)
+        elif isinstance(own, Spec):
+            yield from _amplitudes(f"{path}.{key}", own)
 
 
 def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, guard: Progress) -> Growth | None:

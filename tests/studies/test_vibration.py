@@ -1073,6 +1073,23 @@ def test_friction_that_sticks_is_warned_of(rate, sticks):
         assert min(mode.growth for mode in found) == pytest.approx(np.roots([2.0, 5020.0, 2000.0]).min())
 
 
+STUCK_TUBE = """hfsim: 1
+gravity: [0, 0, -9.81]
+bodies: {b: {type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1], points: {up: [0, 0, 0.5]}}}
+joints: {tube: {type: cylindrical, between: [ground, b.up], axis: [1, 0, 0]}}
+springs: {s: {type: two_point, between: [ground.far, b.up], stiffness: 10, rest_length: 1}}
+ground: {points: {far: [-1, 0, 0]}}
+solve: {duration: 1}
+"""
+
+
+@pytest.mark.parametrize(("key", "effort"), [("turning", "torque"), ("sliding", "force")])
+def test_friction_that_sticks_is_named_by_its_place_in_a_cylindrical_joint(key, effort):
+    friction = f"joints.tube.{key}.friction={{{effort}: 0.5, velocity: 0.1}}"
+    found = hfsim.modes(parse_deck(STUCK_TUBE, overrides=[friction]))
+    assert found.facts()["sticking"] == {f"joints.tube.{key}.friction": pytest.approx(5.0)}
+
+
 @pytest.mark.parametrize("damping", [2e-5, 1e-4, 5e-4, 1e-3])
 def test_shapes_of_a_damped_arm_are_such_as_its_joints_allow(damping):
     """Rounding in what they forbid was scaled up until the turret, which is driven, was all that moved."""

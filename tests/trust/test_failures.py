@@ -25,6 +25,7 @@ from hfsim.marching.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
+from hfsim.trust.growth import amplitude_of, loaded_items
 from hfsim.trust.suspicion import singular_position
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -568,3 +569,22 @@ def test_a_slope_that_shrinks_to_nothing_is_no_dead_centre(changes):
     assert run.failure["evidence"]["smallest_stretch"] < 0.01
     assert 0.9 < run.failure["evidence"]["collapse_at"] / run.failure["time"] < 1.0
     assert run.failure["try"].split("solve.duration=")[-1].startswith("0.0003")
+
+
+PULSING = """hfsim: 1
+gravity: [0, 0, -9.81]
+bodies: {b: {type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1]}}
+joints:
+  tube: {type: cylindrical, between: [ground, b], axis: [1, 0, 0], turning: {friction: {torque: 0.5, velocity: 0.1, law: {type: sine, amplitude: 0.3, frequency: 2, offset: 0.6}}}}
+initial: {tube: {angle: 0, angular_velocity: 3, distance: 0, distance_rate: 1}}
+solve: {duration: 0.1}
+"""
+
+
+def test_the_amplitude_of_a_law_is_found_wherever_it_stands_in_a_joint():
+    scene = build(parse_deck(PULSING))
+    assert loaded_items(scene) == ["joints.tube.turning"]
+    path, value = amplitude_of(scene, "joints.tube.turning")
+    assert (path, value) == ("joints.tube.turning.friction.law.amplitude", 0.3)
+    assert build(parse_deck(PULSING, overrides=[f"{path}=0.1"]))
+    assert diagnosed(PULSING).statistics["suspicion"] is None

@@ -9,7 +9,6 @@ import numpy as np
 
 from hfsim.maths.arrays import ComplexArray
 from hfsim.mechanics.ties import Tie
-from hfsim.scene.build import Scene
 from hfsim.studies.modes.state import About
 
 _COUNTS = 1e-2
@@ -47,9 +46,8 @@ def sticking(state: About, modes: Sequence[tuple[complex, ComplexArray]]) -> lis
     for part in (one for one in state.scene.system.forces if isinstance(one, Tie)):
         damping = part.stuck(at, x, u)
         if damping and any(_share(state, part, damping, *mode) > _COUNTS for mode in modes):
-            turning = part.unit == "rad"
-            unit = "N m s/rad" if turning else "N s/m"
-            found.append(Sticking(_place(state.scene, part, turning), damping, unit))
+            unit = "N m s/rad" if part.unit == "rad" else "N s/m"
+            found.append(Sticking(f"{part.item}.friction", damping, unit))
     return found
 
 
@@ -61,12 +59,3 @@ def _share(state: About, part: Tie, damping: float, value: complex, change: Comp
     energy = float(np.sum(moves * scene.system.equations.momentum(x, moves)))
     lost, kept = damping * float(np.sum(rates**2)), 2.0 * abs(value) * energy
     return lost / kept if kept else float(np.inf if lost > _COUNTS * energy else 0.0)
-
-
-def _place(scene: Scene, part: Tie, turning: bool) -> str:
-    """Return where in the deck the friction of a joint or spring stands."""
-    kind, _, name = part.item.partition(".")
-    ways = getattr(getattr(scene.deck, kind)[name], "resisting", ("",))
-    if "" in ways:
-        return f"{part.item}.friction"
-    return f"{part.item}.{'turning' if turning else 'sliding'}.friction"
