@@ -40,6 +40,9 @@ MOMENTS = {"N m": "N"}
 _NATURAL = {"rad": 1.0, "-": 1.0}
 """Units with a size of their own, whatever the scene."""
 
+_FROM_ZERO = ("m/s^2", "rad/s^2", "W", "energy.kinetic", "energy.strain")
+"""Other units, and channels, in which zero means something."""
+
 GROUPS = {
     "motion": ("m", "rad", "-"),
     "rates": ("m/s", "rad/s"),
@@ -208,7 +211,8 @@ def reference_scales(samples: Samples, channels: Sequence[Channel]) -> tuple[Cha
 def scene_sizes(scene: Scene) -> dict[str, float]:
     """Return by unit how large motions in a scene are, by its bodies at the start and its duration.
 
-    Forces are measured by what stretches a beam by `STRETCHED`: smaller ones by far are its rounding.
+    Forces are measured by what stretches a beam by `STRETCHED`, and accelerations by what that gives it: much
+    smaller ones are its rounding.
     """
     x = scene.system.absolute(scene.q[None])
     points = [extent[0] for body in scene.bodies.values() if (extent := body.extent(x)).size]
@@ -216,10 +220,18 @@ def scene_sizes(scene: Scene) -> dict[str, float]:
     if not length and points:  # of places alone, and the origin
         length = float(np.ptp(np.vstack([*points, 0.0 * points[0]]), axis=0).max())
     rate = 1.0 / scene.deck.solve.duration
-    names = scene.deck.models(scene.model)
-    stiff = (scene.deck.section_properties(name).at(_ALONG).axial_stiffness for name in names)
-    force = STRETCHED * max((float(np.max(one)) for one in stiff), default=0.0)
-    return {**_NATURAL, "m": length, "m/s": length * rate, "rad/s": rate, "N": force, "N m": force * length}
+    force = gained = 0.0
+    for name, beam in ((name, one) for name, one in scene.deck.bodies.items() if one.type == "beam"):
+        along = scene.deck.section_properties(name).at(_ALONG)
+        own = STRETCHED * float(np.max(along.axial_stiffness))
+        mass = float(np.mean(along.mass_per_length)) * beam.length
+        force, gained = max(force, own), max(gained, own / mass)
+    return {
+        **_NATURAL,
+        **{"m": length, "m/s": length * rate, "m/s^2": max(length * rate**2, gained)},
+        **{"rad/s": rate, "rad/s^2": max(rate**2, gained / length if length else 0.0)},
+        **{"N": force, "N m": force * length},
+    }
 
 
 def error_scales(
@@ -262,7 +274,8 @@ def counts_from_zero(channel: Channel) -> bool:
     [False, True]
     """
     kinds = CHANNELS.get(channel.name.rpartition(".")[2], ())
-    return group_of(channel.unit) in ("forces", "rates") or any(one.only_beams for one in kinds)
+    counted = group_of(channel.unit) in ("forces", "rates") or channel.unit in _FROM_ZERO
+    return counted or channel.name in _FROM_ZERO or any(one.only_beams for one in kinds)
 
 
 # --- distances -----------------------------------------------------------------------------------
