@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.matrices import DENSE_UP_TO, Matrix, factorised, is_sparse
+from hfsim.maths.matrices import DENSE_UP_TO, Entries, Matrix, assemble, factorised, is_sparse
 
 LOST = 1e-9
 """Singular value over the largest below which rows count as dependent."""
@@ -72,6 +72,24 @@ def dependence(
     return Dependence(missing, float(sizes[0]), tuple(involved))
 
 
+def by_joint(Phi_x: Matrix, rows: Sequence[slice], joints: Mapping[str, Sequence[int]]) -> Matrix:
+    """Return joint equations that block the same with rows of each joint that are orthonormal.
+
+    Rows of one joint come near one another where it has a long arm, as of what has slid far: that is how it
+    is written, and nothing else blocks what it does.  Parameters are those of `dependence`.
+    """
+    every = np.arange(Phi_x.shape[0])
+    unit, others, parts = _unit(Phi_x), np.ones(len(every)), list[Entries]()
+    for members in filter(None, joints.values()):
+        own = np.concatenate([every[rows[k]] for k in members])
+        left, sizes, _ = np.linalg.svd(_touched(unit[own]), full_matrices=False)
+        kept = sizes > LOST * sizes.max(initial=0.0)
+        parts.append(Entries.of_block(own[: kept.sum()], own, (left[:, kept] / sizes[kept]).T))
+        others[own] = 0.0
+    mixed = assemble([Entries(every, every, others), *parts], (len(every), len(every)), is_sparse(unit))
+    return mixed @ unit
+
+
 def null_space(rows: Array, largest: float | None = None) -> Array:
     """Return an orthonormal basis, as columns (n, k), of what rows (m, n) are zero for.
 
@@ -82,13 +100,21 @@ def null_space(rows: Array, largest: float | None = None) -> Array:
     return np.asarray(right[int(np.sum(sizes > LOST * size)) :].T)
 
 
+def _unit(Phi_x: Matrix) -> Matrix:
+    """Return rows of unit length."""
+    if is_sparse(Phi_x):
+        lengths = np.sqrt(Phi_x.power(2).sum(axis=1))
+        return Phi_x.multiply(1.0 / np.maximum(lengths, 1e-300)[:, None]).tocsr()
+    return Phi_x / np.maximum(np.linalg.norm(Phi_x, axis=1, keepdims=True), 1e-300)
+
+
 def _touched(Phi_x: Matrix) -> Matrix:
     """Return rows of unit length and only those columns that are not zero; sparse if there are many rows."""
-    if is_sparse(Phi_x):
-        unit = Phi_x.multiply(1.0 / np.maximum(np.sqrt(Phi_x.power(2).sum(axis=1)), 1e-300)[:, None]).tocsc()
+    unit = _unit(Phi_x)
+    if is_sparse(unit):
+        unit = unit.tocsc()
         unit = unit[:, np.flatnonzero(np.diff(unit.indptr))]
         return unit if unit.shape[0] > DENSE_UP_TO else unit.toarray()
-    unit = Phi_x / np.maximum(np.linalg.norm(Phi_x, axis=1, keepdims=True), 1e-300)
     return unit[:, unit.any(axis=0)]
 
 

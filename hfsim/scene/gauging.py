@@ -70,9 +70,9 @@ class Assembled(Protocol):
         """Return the scene with other models of some beams."""
 
 
-def gauge_of(scene: Assembled) -> Gauge:
-    """Return by what changes of a scene are measured."""
-    system, x = scene.system, scene.system.absolute(scene.q[None])
+def gauge_of(scene: Assembled, q: Array | None = None) -> Gauge:
+    """Return by what changes of a scene in a state (n,) are measured: at the start without any."""
+    system, x = scene.system, scene.system.absolute((scene.q if q is None else q)[None])
     equations, n_dim = system.equations, scene.deck.dimension
     if system.variable_mass:
         metric = equations.mass(x)[0]
@@ -116,10 +116,10 @@ def _reach(scene: Assembled, x: Array, outlines: Array) -> float:
 
 
 def _lengths(tie: Any) -> Iterator[float]:
-    """Yield the lengths up to which a joint or spring lets its ends go without a force."""
-    rest = getattr(tie, "rest_length", None)
-    if rest is not None and rest.constant is not None:
-        yield rest.constant
+    """Yield the lengths up to which, or to which, a joint or spring lets its ends go without a force."""
+    for law in (getattr(tie, "rest_length", None), getattr(tie, "position", None)):
+        if law is not None and law.constant is not None:
+            yield abs(law.constant)
     for one in (tie, getattr(tie, "sliding", None)):
         if isinstance(one, SlidingResistanceSpec) and one.stops:
             yield from (abs(limit) for limit in (one.stops.lower, one.stops.upper) if limit is not None)

@@ -17,7 +17,7 @@ from hfsim.marching.stop import Budget
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import mutable
 from hfsim.maths.matrices import dense
-from hfsim.maths.rank import Dependence, dependence
+from hfsim.maths.rank import Dependence, by_joint, dependence
 from hfsim.parts.bodies.models import LADDER, MODELS
 from hfsim.scene.build import Scene, build
 from hfsim.scene.gauging import gauge_of
@@ -182,11 +182,15 @@ class Experiments:
 
 
 def joint_dependence(scene: Scene, q: Array) -> Dependence:
-    """Return how near joint equations are to depending on one another in a state (n,), if any are solved."""
+    """Return how near joint equations are to depending on one another in a state (n,), if any are solved.
+
+    However far bodies have slid there: lengths are measured by what the scene has got to.
+    """
     if not scene.system.n_rows:
         return Dependence(0, 1.0, ())
     equations = scene.system.unreduced
-    rows = equations.phi.jacobian_at(scene.system.absolute(q[None])) * gauge_of(scene).unit
+    gauged = equations.phi.jacobian_at(scene.system.absolute(q[None])) * gauge_of(scene, q).unit
+    rows = by_joint(gauged, equations.rows, scene.joints)
     return dependence(rows, equations.rows, scene.joints, ALIGNED)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from hfsim.maths.rank import dependence
+from hfsim.maths.rank import by_joint, dependence
 
 ROWS = 400
 
@@ -43,6 +43,32 @@ def test_sparse_factors_tell_how_near_to_dependence_rows_are(apart):
     assert sparse.missing == 0
     assert sparse.size == pytest.approx(dense.size, rel=0.1)
     assert apart / 10 < sparse.size < apart
+
+
+@pytest.mark.parametrize("arm", [1e-3, 1.0, 1e3])
+def test_what_joints_block_does_not_depend_on_how_each_is_written(arm):
+    """Each row of a joint plus many times the other one; the first of the next joint is all but in it."""
+    J, mixed = chain(), np.eye(ROWS)
+    J[102] = J[100] + 1e-4 * J[102]
+    mixed[::2, 1::2] += arm * np.eye(ROWS // 2)
+    rows, joints = [slice(k, k + 1) for k in range(ROWS)], {f"j{k}": [k, k + 1] for k in range(0, ROWS, 2)}
+    plain, written = (by_joint(one, rows, joints) for one in (J, mixed @ J))
+    for k in range(0, ROWS, 2):
+        assert plain[k : k + 2] @ plain[k : k + 2].T == pytest.approx(np.eye(2), abs=1e-9)
+        assert abs(np.linalg.det(plain[k : k + 2] @ written[k : k + 2].T)) == pytest.approx(1.0)
+    expected = dependence(plain, rows, joints)
+    sparse = by_joint(csr_array(mixed @ J), rows, joints)
+    for found in (dependence(written, rows, joints), dependence(sparse, rows, joints)):
+        assert found.missing == 0 and found.size == pytest.approx(expected.size, rel=1e-2)
+
+
+def test_rows_of_a_joint_that_depend_on_one_another_are_nothing():
+    J = chain(6)
+    J[1] = 2.0 * J[0]
+    rows = [slice(0, 2), slice(2, 6)]
+    for kind in (J, csr_array(J)):
+        found = dependence(by_joint(kind, rows, {"a": [0]}), rows, {"a": [0], "b": [1]})
+        assert (found.missing, found.joints) == (1, ("a",)) and found.size < 1e-15
 
 
 def test_more_rows_than_columns():

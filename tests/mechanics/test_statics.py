@@ -725,6 +725,35 @@ def test_a_rest_where_joints_lose_their_rank_is_told():
     assert not any("rank" in one for one in hfsim.static("governor").statistics["warnings"])
 
 
+RAIL = """hfsim: 1
+gravity: [0.0, -9.81]
+bodies: {{car: {{type: rigid, mass: 100.0, inertia: 0.005}}}}
+joints:
+  rail: {{type: prismatic, between: [{ends}], axis: {axis}}}
+  winch: {{type: servo, between: [ground, car], position: {position}, stiffness: {stiffness}}}
+solve: {{duration: 1.0}}
+output: {{channels: [car.x, car.y, rail.moment]}}
+"""
+
+
+@pytest.mark.parametrize("ends", ["car, ground", "ground, car"])
+def test_no_rank_is_lost_where_a_car_has_slid_far(ends):
+    """With its rail's axis in the car, the arm of that rail's force is 25 m long."""
+    run = hfsim.static(parse_deck(RAIL.format(ends=ends, axis="[1, 0]", position=25.0, stiffness=1000.0)))
+    assert not run.statistics["warnings"] and run.final["car.x"] == pytest.approx(25.0)
+    assert run.statistics["steps"] < 400, "a servo's position is a length of the scene"
+
+
+@pytest.mark.parametrize("ends", ["car, ground", "ground, car"])
+def test_what_slides_away_is_told_and_no_dead_centre(ends):
+    falling = parse_deck(
+        RAIL.format(ends=ends, axis="[0, 1]", position=0.0, stiffness=1.0),
+        overrides=["joints.winch.axis=[1, 0]"],
+    )
+    run = hfsim.static(falling, check=False)
+    assert run.failure["class"] == "deck" and "nothing holds what the loads push: car" in run.reason
+
+
 def test_bricard_s_loop_rests_flat():
     """Its frequency there by the closing condition and the energies of tests/scene/test_spatial_cases.py."""
     run = hfsim.static("bricard")

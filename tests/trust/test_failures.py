@@ -25,6 +25,7 @@ from hfsim.marching.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
+from hfsim.trust.experiments import joint_dependence
 from hfsim.trust.growth import amplitude_of, loaded_items
 from hfsim.trust.suspicion import singular_position
 
@@ -202,6 +203,42 @@ initial:
 solve: {duration: 1.0, tolerance: 1.0e-5}
 output: {channels: [left.angle]}
 """
+
+
+ON_A_CAR = """hfsim: 1
+bodies:
+  car: {{type: rigid, mass: 100.0, inertia: 50.0}}
+  crank: &bar {{type: rigid, mass: 1.0, inertia: 0.1, points: {{a: [-0.5, 0], b: [0.5, 0]}}}}
+  rod: *bar
+  block: {{type: rigid, mass: 1.0, inertia: 0.1}}
+joints:
+  rail: {{type: prismatic, between: [{ends}], axis: [1, 0]}}
+  axle: {{type: revolute, between: [car, crank.a]}}
+  pin: {{type: revolute, between: [crank.b, rod.a]}}
+  wrist: {{type: revolute, between: [rod.b, block]}}
+  way: {{type: prismatic, between: [block, car], axis: [1, 0]}}
+  push: {{type: driver, between: [car, block], position: {reach!r}}}
+initial:
+  car: {{position: [{far}, 0.0]}}
+  crank: {{angle: {angle}}}
+  rod: {{angle: -{angle}}}
+solve: {{duration: 1.0}}
+"""
+
+
+@pytest.mark.parametrize("angle", [0.5, 1e-5])
+def test_how_near_a_dead_centre_is_does_not_depend_on_how_far_all_has_slid(angle):
+    def measured(ends, far):
+        text = ON_A_CAR.format(ends=ends, far=far, angle=angle, reach=2.0 * float(np.cos(angle)))
+        scene = build(parse_deck(text))
+        return joint_dependence(scene, scene.q)
+
+    near = measured("ground, car", 0.0)
+    assert (near.size < 1e-5) is (angle < 1e-3)
+    for ends in ("ground, car", "car, ground"):
+        far = measured(ends, 2500.0)
+        assert far.size == pytest.approx(near.size, rel=1e-3)
+        assert angle > 1e-3 or "rail" not in far.joints == near.joints
 
 
 def test_a_loop_that_lines_up_on_the_way_passed_a_singular_position():
