@@ -269,9 +269,13 @@ def _inside(system: System, steps: StepSamples, far: float) -> tuple[float, floa
 def _work_on_rounding(system: System, t: Array, x: Array) -> float:
     """Return the largest work of loads when each coordinate changes by `ROUNDING` [J]."""
     loads, change = [part for part in system.forces if part.exchanges_power], _last_digit(x, ROUNDING)
+
+    def power(rates: Array) -> Array:
+        return np.asarray(sum(load.power(t, x, rates) for load in loads))
+
+    at_rest = power(0.0 * x) if loads else 0.0
     found = [
-        np.abs(sum(load.power(t, x, change * signs) for load in loads)).max(initial=0.0)
-        for signs in (_ways(x) if loads else ())
+        np.abs(power(change * signs) - at_rest).max(initial=0.0) for signs in (_ways(x) if loads else ())
     ]
     return float(max(found, default=0.0))
 

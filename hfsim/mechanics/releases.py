@@ -128,6 +128,10 @@ class Released(Resistance):
         """Return the slope of that."""
         return self._until(t, self.inner.elastic(t, s))
 
+    def fed(self, t: Array, s: Array) -> Array:
+        """Return by what rate it stores more until then."""
+        return self._until(t, self.inner.fed(t, s))
+
     def force(self, t: Array, s: Array, w: Array) -> Array:
         """Return the force until then."""
         return self._until(t, self.inner.force(t, s, w))

@@ -81,6 +81,10 @@ class Resistance:
         """Return the slope of that."""
         return np.zeros_like(s)
 
+    def fed(self, t: Array, s: Array) -> Array:
+        """Return by what rate it stores more where s stands: the power of what moves it on by a law [W]."""
+        return np.zeros_like(s)
+
     def force(self, t: Array, s: Array, w: Array) -> Array:
         """Return the whole force; w is not asked for where it does not count."""
         raise NotImplementedError
@@ -142,6 +146,60 @@ class LinearSpring(Resistance):
     def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
         """Return k and d."""
         return np.full_like(s, self.stiffness), np.full_like(s, self.damping)
+
+
+@dataclass(frozen=True)
+class Wound(Resistance):
+    """A spring whose rest follows a law of time, as a winch moves it: by s - law and w - law'.
+
+    It stores what it would if that stood; what moves it does work against its force.
+
+    Attributes
+    ----------
+    spring : Resistance
+        One without force at zero, but for a preload.
+    """
+
+    spring: Resistance
+    law: Law
+    holds: ClassVar[bool] = False
+    exchanges_power: ClassVar[bool] = True
+
+    @property
+    def uses_rates(self) -> bool:
+        """Whether the spring does."""
+        return self.spring.uses_rates
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """The law."""
+        return (self.law,)
+
+    def standing(self) -> Wound:
+        """Return it with its rest standing still."""
+        from hfsim.deck.laws import StandingLaw
+
+        return replace(self, law=StandingLaw(self.law))
+
+    def energy(self, t: Array, s: Array) -> Array:
+        """Return that of the spring."""
+        return self.spring.energy(t, s - self.law.value(t))
+
+    def elastic(self, t: Array, s: Array) -> Array:
+        """Return that of the spring."""
+        return self.spring.elastic(t, s - self.law.value(t))
+
+    def fed(self, t: Array, s: Array) -> Array:
+        """Return minus that times the rate of the law."""
+        return -self.elastic(t, s) * self.law.rate(t)
+
+    def force(self, t: Array, s: Array, w: Array) -> Array:
+        """Return that of the spring."""
+        return self.spring.force(t, s - self.law.value(t), w - self.law.rate(t) if self.uses_rates else w)
+
+    def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
+        """Return those of the spring."""
+        return self.spring.slopes(t, s - self.law.value(t), w - self.law.rate(t))
 
 
 @dataclass(frozen=True)
@@ -256,8 +314,7 @@ class Push(Resistance):
 
 @dataclass(frozen=True)
 class Control(Resistance):
-    """What a servo does, or a spring whose rest moves: it drives s back to a law of time, by k (s - law) +
-    d (w - law').
+    """What a servo does: it drives s back to a law of time, by k (s - law) + d (w - law').
 
     All of it is power exchanged: what it stored would depend on the time.
 

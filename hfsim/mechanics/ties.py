@@ -245,12 +245,13 @@ class Tie(PointPart):
         return np.asarray(sum((one.energy(t, s) for one in self.resistances), np.zeros_like(s)))
 
     def power(self, t: Array, x: Array, u: Array) -> Array:
-        """Return the power of what is not the slope of an energy."""
+        """Return the power of what is not the slope of an energy, and of what moves that on by a law."""
         s, rows = self.measured(t, x)
         w = self._rate(rows, u)
-        exchanging = (one for one in self.resistances if one.exchanges_power)
+        exchanging = [one for one in self.resistances if one.exchanges_power]
         others = (one.force(t, s, w) - one.elastic(t, s) for one in exchanging)
-        return np.asarray(-w * sum(others, np.zeros_like(s)))
+        fed = (one.fed(t, s) for one in exchanging)
+        return np.asarray(sum(fed, -w * sum(others, np.zeros_like(s))))
 
 
 @frozen

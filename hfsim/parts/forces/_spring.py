@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from hfsim.deck.spec import Complaint
-from hfsim.mechanics.resistances import Control, LinearSpring, Resistance
+from hfsim.mechanics.resistances import LinearSpring, Resistance, Wound
 from hfsim.mechanics.tabled import TableSpring
 from hfsim.parts.specs import SpringSpec
 
@@ -49,9 +49,7 @@ class CoordinateSpringSpec(SpringSpec):
 
     def _springs(self, rest: float | Law) -> Iterator[Resistance]:
         if not isinstance(rest, float):
-            yield Control(rest, self.stiffness, self.damping, None)
-            if self.preload:
-                yield LinearSpring(0.0, preload=self.preload)
+            yield Wound(LinearSpring(self.stiffness, self.damping, 0.0, self.preload), rest)
             return
         if self.table is not None:
             yield TableSpring.through(self.table, rest)
