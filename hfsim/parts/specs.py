@@ -213,6 +213,11 @@ class SpringSpec(Spec):
         return ()
 
     @property
+    def rest_turn(self) -> float:
+        """Angle in the plane, or about its one axis, at which it is at rest [rad]."""
+        return 0.0
+
+    @property
     def mount(self) -> JointSpec | None:
         """The joint that holds B where it is without force, if that is one place."""
         return None

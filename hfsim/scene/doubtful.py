@@ -9,6 +9,7 @@ import numpy as np
 
 from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array, magnitude
+from hfsim.maths.rotations import rotation_vector
 from hfsim.mechanics.directions import THIRD
 from hfsim.parts.channels import kind_of
 from hfsim.scene.assembly import orientation_of
@@ -31,12 +32,11 @@ MOST_COORDINATES = 600
 def doubtful(scene: Measured) -> Iterator[tuple[str, str]]:
     """Yield, with the deck path it is about, what hardly can be meant."""
     deck = scene.deck
-    turned: list[tuple[str, Any]]
-    turned = [(f"springs.{name}", spring) for name, spring in deck.springs.items() if _turned(spring)]
+    springs = ((f"springs.{name}", spring) for name, spring in deck.springs.items())
+    turned: list[tuple[str, Any]] = [(path, one) for path, one in springs if _turned(one) or one.about]
     yield from _wound(scene, turned)
     if deck.dimension == 3:
         turned += [(f"joints.{name}", joint) for name, joint in deck.joints.items() if _turned(joint)]
-        turned += [(f"springs.{name}", spring) for name, spring in deck.springs.items() if spring.about]
         yield from _without_zero(scene, turned)
 
 
@@ -129,21 +129,37 @@ def _wound(scene: Measured, springs: Sequence[tuple[str, Any]]) -> Iterator[tupl
     stated to be turned, that is meant.
     """
     start, resting, loose = scene.assembly, set(scene.deck.resting), None
-    t, x = np.zeros(1), scene.system.absolute(scene.q[None])
     for path, spring in springs if start.linkage.n <= MOST_COORDINATES else ():
         bodies = tuple(split_point(point)[0] for point in spring.between)
-        if not spring.acts or resting & set(bodies):
-            continue
-        tie = scene.coordinate(path.partition(".")[2], "rad")
-        angle = float(tie.measured(t, x)[0][0])
-        off = angle - spring.rest_angle
-        if min(abs(angle), abs(off)) < WOUND or not _outer_open(scene, bodies):
-            continue
-        loose = start.loose() if loose is None else loose
-        if _turns(scene, bodies, spring, loose):
-            moment = abs(float(tie.effort(t, x, 0.0 * x)[0]))
-            message = f"starts wound up by {abs(off):.4g} rad ({moment:.4g} N m), though nothing states that"
-            yield path, f"{message}: {_unwound(scene, bodies, spring, off)}"
+        for e, off, moment in _far_from_rest(scene, path, spring) if not resting & set(bodies) else ():
+            if not _outer_open(scene, bodies):
+                break
+            loose, axis = start.loose() if loose is None else loose, _in_ground(scene, bodies[0], e)
+            if _turns(scene, bodies, axis, loose):
+                message = f"starts wound up by {abs(off):.4g} rad ({moment:.4g} N m)"
+                yield path, f"{message}, though nothing states that: {_unwound(scene, bodies, axis, off)}"
+                break
+
+
+def _far_from_rest(scene: Measured, path: str, spring: Any) -> Iterator[tuple[Array, float, float]]:
+    """Yield axes (3,) in A's frame about which a spring is wound up far, by how much [rad, N m].
+
+    In space angles of one that acts about several axes count from where it is at rest.
+    """
+    t, x = np.zeros(1), scene.system.absolute(scene.q[None])
+    ties = (tie for tie in scene.ties(path.partition(".")[2]) if tie.unit == "rad" and tie.measures)
+    for (_, e), tie in zip(_axes(spring), ties, strict=False):
+        angle, moment = float(tie.measured(t, x)[0][0]), abs(float(tie.effort(t, x, 0.0 * x)[0]))
+        counted = scene.deck.dimension == 3 and bool(spring.about)
+        off, turn = (angle, _apart(scene, spring)) if counted else (angle - spring.rest_turn, angle)
+        if moment and min(abs(turn), abs(off)) >= WOUND:
+            yield e, off, moment
+
+
+def _apart(scene: Measured, spring: Any) -> float:
+    """Return the angle of the rotation that takes the axes of A to those of B [rad]."""
+    A, B = (_frame(scene, split_point(point)[0]) for point in spring.between)
+    return float(np.linalg.norm(rotation_vector(A.T @ B)))
 
 
 def _outer_open(scene: Measured, bodies: Sequence[str]) -> bool:
@@ -157,22 +173,22 @@ def _outer_open(scene: Measured, bodies: Sequence[str]) -> bool:
     return inner < outer and (stated is None or stated.turn(scene.deck.dimension) is None)
 
 
-def _turns(scene: Measured, bodies: Sequence[str], tie: Any, motions: Array) -> bool:
-    """Tell whether any of some motions (k, n) of the frames turns B against A about an axis of A."""
+def _turns(scene: Measured, bodies: Sequence[str], axis: Array, motions: Array) -> bool:
+    """Tell whether any of some motions (k, n) of the frames turns B against A about an axis (3,)."""
     link, names, n_dim = scene.assembly.linkage, list(scene.assembly.poses), scene.deck.dimension
     columns = [link.columns_of(names.index(one))[n_dim:] if one in names else None for one in bodies]
     a, b = (np.zeros((len(motions), 1)) if one is None else motions[:, one] for one in columns)
-    rates = b - a if n_dim == 2 else (b - a) @ _about(scene, bodies, tie)
+    rates = b - a if n_dim == 2 else (b - a) @ axis
     return magnitude(rates) > UNMOVED * magnitude(motions / link.units)
 
 
-def _unwound(scene: Measured, bodies: Sequence[str], spring: Any, off: float) -> str:
-    """Return what would state the angle of a spring that starts by so much off its rest."""
+def _unwound(scene: Measured, bodies: Sequence[str], axis: Array, off: float) -> str:
+    """Return what would state the angle about an axis (3,) of a spring that is so much off its rest."""
     for name, joint in scene.deck.joints.items():
         pair = tuple(split_point(point)[0] for point in joint.between)
         if set(pair) != set(bodies) or "rad" not in left_free(joint):
             continue
-        along = float(_about(scene, bodies, spring) @ _about(scene, pair, joint))
+        along = float(axis @ _in_ground(scene, pair[0], axis_of(joint)))
         if abs(along) > 1.0 - OPPOSITE and (tie := scene.coordinate(name, "rad")):
             now = tie.measured(np.zeros(1), scene.system.absolute(scene.q[None]))[0][0]
             sign = np.sign(along) if pair == bodies else -np.sign(along)
@@ -181,8 +197,6 @@ def _unwound(scene: Measured, bodies: Sequence[str], spring: Any, off: float) ->
     return f"state how '{next(one for one in bodies[::-1] if one != 'ground')}' is turned under 'initial'"
 
 
-def _about(scene: Measured, bodies: Sequence[str], tie: Any) -> Array:
-    """Return the axis (3,) of an angle at the start, in ground axes."""
-    if scene.deck.dimension == 2:
-        return np.asarray(THIRD)
-    return np.asarray(_frame(scene, bodies[0]) @ axis_of(tie))
+def _in_ground(scene: Measured, body: str, e: Array) -> Array:
+    """Return an axis (3,) of a body at the start in ground axes; in the plane all angles are about one."""
+    return np.asarray(_frame(scene, body) @ e if scene.deck.dimension == 3 else THIRD)

@@ -56,6 +56,45 @@ def test_a_spring_that_nothing_states_to_be_wound_up_is_warned_of_with_what_stat
     assert not any("wound" in one for one in found.warnings)
 
 
+BUSHING = "springs.fs={{type: bushing, between: [arm, blade.in], {}}}"
+
+
+@pytest.mark.parametrize(
+    ("kind", "stiffness", "moment"),
+    [
+        (PLANE, "rotational_stiffness: 20", "62.83"),
+        (PLANE, "rotational_stiffness: 20, angle: 100 deg", "97.74"),
+        ({**SPACE, "axis": ""}, "rotational_stiffness: [0, 0, 20]", "62.83"),
+        ({**SPACE, "axis": ""}, "stiffness: 1, rotational_stiffness: 20", "62.83"),
+    ],
+)
+def test_a_bushing_that_is_wound_up_is_warned_of_once_as_a_spring_is(kind, stiffness, moment):
+    bushing = BUSHING.format(stiffness)
+    found = scene(ARM.format(**kind), bushing)
+    (told,) = (one for one in found.warnings if "wound" in one)
+    assert told.startswith("springs.fs: starts wound up by ")
+    assert f"({moment} N m), though nothing states that" in told
+    stated = told.split("'initial: ")[1].split("' starts")[0]
+    found = scene(ARM.format(**kind), bushing, f"initial={stated}")
+    (tie,) = (one for one in found.ties("fs") if one.item in ("springs.fs.turn", "springs.fs.about_z"))
+    x = found.system.absolute(found.q[None])
+    assert tie.effort(np.zeros(1), x, 0.0 * x) == pytest.approx(0.0, abs=1e-9)
+    assert not found.warnings
+
+
+@pytest.mark.parametrize(
+    ("kind", "spring"),
+    [
+        (PLANE, BUSHING.format("stiffness: 1, rotational_damping: 3")),
+        (PLANE, "springs.fs={type: rotational, between: [arm, blade.in], damping: 3}"),
+        (PLANE, BUSHING.format("rotational_stiffness: 20, angle: -100 deg")),
+        ({**SPACE, "axis": ""}, BUSHING.format("rotational_stiffness: 20, angle: -100 deg")),
+    ],
+)
+def test_dampers_are_not_wound_up_and_bushings_near_their_rest_are_not_either(kind, spring):
+    assert not any("wound" in one for one in scene(ARM.format(**kind), spring).warnings)
+
+
 @pytest.mark.parametrize(
     "setting",
     [

@@ -94,6 +94,11 @@ class BushingSpec(SpringSpec):
         return tuple(name for name, acts in zip("xyz", np.any(each, axis=0), strict=True) if acts)
 
     @property
+    def rest_turn(self) -> float:
+        """The angle without moment."""
+        return self.angle
+
+    @property
     def mount(self) -> JointSpec:
         """The joint that holds B where the bushing is without force."""
         return RestSpec(

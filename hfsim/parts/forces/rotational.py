@@ -63,6 +63,11 @@ class RotationalSpec(TurningResistanceSpec, CoordinateSpringSpec):
         """Both points."""
         return self.between
 
+    @property
+    def rest_turn(self) -> float:
+        """The rest angle."""
+        return self.rest_angle
+
     def slips_in(self, around: Around) -> Iterator[Complaint]:
         """Yield an angle that looks like degrees."""
         yield from degrees_as_radians("rest_angle", self.rest_angle)
