@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from hfsim.deck.fields import degrees_as_radians
 from hfsim.deck.laws import Law, ShiftedLaw
 from hfsim.deck.spec import Around, Complaint, Spec
 
@@ -55,6 +56,12 @@ class LawSpec(Spec):
         if around.duration is not None and self.begin >= around.duration:
             message = f"begins at {self.begin:g} s, when the run of {around.duration:g} s is over"
             yield Complaint((self.begin_key,), message, f"'{self.begin:g} ms'?")
+
+    def turns_in_degrees(self) -> Iterator[Complaint]:
+        """Yield values that look like degrees where the law drives an angle."""
+        for key, name in zip(self.keys(), type(self).model_fields, strict=True):
+            if key in self.value_keys:
+                yield from degrees_as_radians(key, getattr(self, name))
 
     def trouble(self, duration: float) -> str:
         """Return why it cannot drive a body for so long, though its rate does not jump."""

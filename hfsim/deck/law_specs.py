@@ -13,7 +13,16 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field
 
-from hfsim.deck.fields import Angle, NonNegativeTime, Number, PositiveFrequency, PositiveTime, Time, read_text
+from hfsim.deck.fields import (
+    Angle,
+    NonNegativeTime,
+    Number,
+    PositiveFrequency,
+    PositiveTime,
+    Time,
+    degrees_as_radians,
+    read_text,
+)
 from hfsim.deck.law_spec import LawSpec
 from hfsim.deck.laws import Law, LinearLaw, SineLaw, SpinUpLaw, StepLaw
 from hfsim.deck.reader import Path
@@ -160,6 +169,11 @@ class SineSpec(LawSpec):
 
     start: NonNegativeTime | None = None
     """Time at which it begins [s]: before, it holds its value at 0; its own times count from there."""
+
+    def slips_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield a phase that looks like degrees."""
+        yield from super().slips_in(around)
+        yield from degrees_as_radians("phase", self.phase)
 
     def unshifted(self) -> Law:
         """Return the law as if it began at 0."""

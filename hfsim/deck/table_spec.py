@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import MinLen
 
-from hfsim.deck.fields import Flag, NonNegativeTime, Number, Time, read_text
+from hfsim.deck.fields import Flag, NonNegativeTime, Number, Time, degrees_as_radians, read_text
 from hfsim.deck.law_spec import LawSpec
 from hfsim.deck.laws import Law, PeriodicLaw, SplineLaw
 from hfsim.deck.spec import Around, Complaint, ReadBy
@@ -106,6 +106,13 @@ class TableSpec(LawSpec):
             message = f"the spline through the points reaches {found[worst]:.3g} at {at:.4g} s"
             hint = "add points in long stretches, take smooth_step, or interpolation: linear for a load"
             yield Complaint(("values",), message, hint)
+
+    def turns_in_degrees(self) -> Iterator[Complaint]:
+        """Yield the largest value of an angle if all together look like degrees."""
+        if self.values and all((2 * value).is_integer() for value in self.values):
+            largest = max(range(len(self.values)), key=lambda k: abs(self.values[k]))
+            for one in degrees_as_radians(largest, self.values[largest]):
+                yield one.inside("values")
 
     def unshifted(self) -> Law:
         """Return the law as if it began at 0."""

@@ -126,6 +126,15 @@ class JointSpec(Spec):
         """Whether it resists shifts of its bodies, not turns alone."""
         return True
 
+    led_angle: ClassVar[str] = ""
+    """The key of a law of time that its angle follows, if it has one."""
+
+    def slips_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield angles in that law that look like degrees."""
+        yield from super().slips_in(around)
+        if self.led_angle and (law := getattr(self, self.led_angle)):
+            yield from (one.inside(self.led_angle) for one in law.turns_in_degrees())
+
     def complaints_in(self, around: Around) -> Iterator[Complaint]:
         """Yield an axis of an angle in the plane."""
         yield from super().complaints_in(around)

@@ -62,8 +62,11 @@ def slips_of(data: dict[str, Any], entries: dict[str, Any]) -> Iterator[Complain
     around = _around(entries, len(entries["gravity"]))
     found = [one.inside(*path) for path, entry in specs_in(entries) for one in entry.slips_in(around)]
     for slip in (*_gravity_slips(entries["gravity"]), *found):
-        if not isinstance(entry_at(data, slip.path), str):
-            yield slip
+        alone = isinstance(entry_at(data, slip.path[:-1]), str | int | float)  # one stands for a whole law
+        path = slip.path[: -1 if alone else None]
+        units = entry_at(data, path), entry_at(data, (*path[:-2], "unit"))
+        if not any(isinstance(one, str) for one in units):
+            yield slip._replace(path=path)
 
 
 def laws_until(entries: dict[str, Any], t: float) -> Iterator[Complaint]:

@@ -122,6 +122,54 @@ def test_no_shipped_deck_is_doubted(path):
     assert load_deck(path).warnings == ()
 
 
+def led(joint):
+    setting = f"joints.led={json.dumps({'between': ['ground', 'hub'], **joint})}"
+    return [one.partition("joints.led.")[2] for one in parse_deck(DECK, "deck.yaml", [setting]).warnings]
+
+
+SERVO = {"type": "servo", "stiffness": 10.0}
+SINE = {"type": "sine", "amplitude": 0.3, "frequency": 1}
+STEP = {"type": "smooth_step", "from": 0, "to": 90, "start": 0, "end": 1}
+
+
+@pytest.mark.parametrize(
+    ("joint", "told"),
+    [
+        ({**SERVO, "angle": 45}, "angle: 45 rad are 7.16 turns ('45 deg'?)"),
+        ({**SERVO, "angle": {"type": "constant", "value": 45}}, "angle.value: 45 rad are"),
+        ({"type": "driver", "angle": STEP}, "angle.to: 90 rad are 14.3 turns ('90 deg'?)"),
+        ({"type": "motion", "turn": {**STEP, "from": -30, "to": 0}}, "turn.from: -30 rad are"),
+        ({**SERVO, "angle": {**SINE, "amplitude": 30}}, "angle.amplitude: 30 rad are"),
+        ({**SERVO, "angle": {**SINE, "phase": 90}}, "angle.phase: 90 rad"),
+        ({**SERVO, "angle": {"times": [0, 1, 2], "values": [0, -45, 10]}}, "angle.values.1: -45 rad are"),
+    ],
+)
+def test_degrees_in_laws_that_angles_follow_are_told_as_others_are(joint, told):
+    (warning,) = led(joint)
+    assert warning.startswith(told)
+
+
+@pytest.mark.parametrize(
+    "joint",
+    [
+        {**SERVO, "angle": "45 rad"},
+        {**SERVO, "angle": {"type": "constant", "value": "45 rad"}},
+        {**SERVO, "angle": {"times": [0, 1, 2], "values": [0, 45, 0], "unit": "rad"}},
+        {**SERVO, "angle": {"times": [0, 1, 2], "values": [0, 45, 0], "unit": "deg"}},
+        {**SERVO, "angle": {"times": [0, 1, 2], "values": [0, 7.2, 14]}},  # counted in radians as measured
+        {"type": "driver", "angle": {**STEP, "to": "15 rev"}},
+        {"type": "driver", "angle": {**STEP, "to": 12.566370614359172}},
+        {"type": "driver", "angle": {"type": "constant_rate", "rate": 90}},
+        {"type": "driver", "angle": {"type": "spin_up", "rate": 90, "time": 1}},
+        {**SERVO, "angle": {"expression": "90 * t"}},
+        {**SERVO, "position": 45},
+        {**SERVO, "position": STEP},
+    ],
+)
+def test_turns_in_laws_that_may_be_meant_are_not_doubted(joint):
+    assert led(joint) == []
+
+
 def test_an_override_has_no_line():
     (warning,) = warnings(overrides=["initial.hub.angle=30"])
     assert warning.startswith("--set: warning: initial.hub.angle: 30 rad")

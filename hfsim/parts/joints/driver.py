@@ -15,6 +15,7 @@ class DriverSpec(DrivenSpec):
     """Imposes the angle of B relative to A, or the distance of B from A along an axis."""
 
     led = ("angle", "position")
+    led_angle = "angle"
     vectors = ("axis",)
     spatial = ("orientation",)
     follows_start = True

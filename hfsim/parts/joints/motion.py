@@ -20,6 +20,7 @@ class MotionSpec(DrivenSpec):
     """
 
     led = ("x", "y", "z", "turn")
+    led_angle = "turn"
     vectors = ("axis",)
     spatial = ("z", "axis", "orientation")
 

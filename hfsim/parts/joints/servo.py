@@ -29,6 +29,7 @@ class ServoSpec(ActuatorSpec):
     """
 
     measures = (("rad", "angle"), ("m", "position"))
+    led_angle = "angle"
 
     type: Literal["servo"]
 
