@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -17,6 +17,8 @@ from hfsim.maths.arrays import slices
 
 _BLOCK = 4096
 """Rows turned into text at a time: bounds the memory a long history needs."""
+ROOM = 1 << 16
+"""Bytes that are kept for a file, several times those of a common summary."""
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
 
 
@@ -44,7 +46,7 @@ def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
     OSError
         If the system refuses; nothing of the new file is left then.
     """
-    draft = path.with_name(f".{path.name}.part")
+    draft = _draft_of(path)
     with SHIELD:
         draft.unlink(missing_ok=True)
         try:
@@ -56,6 +58,19 @@ def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
         except BaseException:
             draft.unlink(missing_ok=True)
             raise
+
+
+def _draft_of(path: Path) -> Path:
+    return path.with_name(f".{path.name}.part")
+
+
+def keep_room(path: Path) -> None:
+    """Take room on the disk for a file to be written in one move, so that a full disk takes it."""
+    draft = _draft_of(path)
+    with suppress(OSError), SHIELD:  # what there is of it
+        draft.unlink(missing_ok=True)
+        with os.fdopen(os.open(draft, _NEW, 0o666), "wb") as file:
+            file.write(bytes(ROOM))
 
 
 def write_text(path: Path, text: str) -> None:

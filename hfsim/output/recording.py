@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ from hfsim.integrators import Memory
 from hfsim.marching.solution import Run
 from hfsim.marching.stop import SHIELD
 from hfsim.output.checkpoint import CHECKPOINT, Checkpoint, put_down
-from hfsim.output.disk import History, disk, write_json
+from hfsim.output.disk import History, disk, keep_room, write_json
 from hfsim.output.extras import Extras, add_extras
 from hfsim.output.runfolder import SUMMARY, RunFolder, RunLog, Stopwatch
 from hfsim.output.writers import Provenance, running_summary, summary_of, write_resolved
@@ -73,6 +74,7 @@ class Recording:
             self._history = History(self.path / "history.csv", tuple(channels), self._size or None)
             write_resolved(self.path / "resolved.yaml", self.provenance, self._model)
             self._log.to(self.path / "run.log", append=self._from is not None)
+            keep_room(self.path / SUMMARY)
 
     def rows(self, table: ndarray) -> None:
         """Write the next rows."""
@@ -158,7 +160,7 @@ class Recording:
             If the system refuses.
         """
         try:
-            run, files = add_extras(run, wanted, self.path, self._watch)
+            run, files = add_extras(run, Extras() if self._full else wanted, self.path, self._watch)
             cut_off = run.status == "done" and run.exit_code in INTERRUPTIONS
             if cut_off:
                 self._put_down()
@@ -190,7 +192,8 @@ class Recording:
         if (self.path / CHECKPOINT).exists():
             files.append(CHECKPOINT)
         summary = {**summary_of(self._on_disk(run), self.provenance, files), **told}
-        write_json(self.path / SUMMARY, summary)
+        with suppress(OSError) if self._full else nullcontext():  # that the disk is full is told already
+            write_json(self.path / SUMMARY, summary)
         return summary
 
 

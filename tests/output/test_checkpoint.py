@@ -14,7 +14,7 @@ from called import call
 from hfsim.commands import report_error
 from hfsim.marching import record
 from hfsim.marching.stop import SHIELD
-from hfsim.output import recording
+from hfsim.output import disk, recording
 from hfsim.output.checkpoint import CHECKPOINT, CheckpointError, put_down, take_up
 from hfsim.output.disk import History, read_history
 from hfsim.output.runfolder import RunFolder, RunLog
@@ -179,6 +179,44 @@ def test_a_run_that_a_full_disk_ends_goes_on_from_the_rows_that_fitted(tmp_path,
     code, told = here("-o", str(tmp_path / "out"), *LONG, "--resume")
     assert code == 0 and "begun anew" not in told
     assert (tmp_path / "out/history.csv").read_bytes() == whole
+
+
+def test_a_full_disk_has_room_for_the_summary_of_the_rows_that_fitted(tmp_path, monkeypatch):
+    """The disk takes what is written in place of the room that was kept, and nothing else."""
+    folder, whole, room, freed = tmp_path / "out", disk.write_whole, [], set()
+
+    def full(self, table):
+        room.append((folder / ".summary.json.part").stat().st_size)
+        raise OSError(28, "No space left on device")
+
+    def in_room(path, write):
+        if room and (path.parent / f".{path.name}.part").exists():
+            freed.add(path)
+        if room and path not in freed:
+            raise OSError(28, "No space left on device")
+        whole(path, write)
+
+    monkeypatch.setattr(History, "add", full)
+    monkeypatch.setattr(disk, "write_whole", in_room)
+    done = call("run", "pendulum", "--set", "solve.duration=0.02", "-o", str(folder))
+    assert done.exit_code == 5 and "its last rows are missing; --resume goes on" in done.stderr
+    summary = json.loads((folder / "summary.json").read_text())
+    assert (summary["status"], summary["exit_code"]) == ("limit", 5)
+    assert room == [disk.ROOM] and (folder / "summary.json").stat().st_size < disk.ROOM / 3
+    assert not (folder / ".summary.json.part").exists() and not (folder / "plots").exists()
+
+
+def test_a_full_disk_that_refuses_the_summary_too_is_a_limit_all_the_same(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(History, "add", full)
+    monkeypatch.setattr(recording, "write_json", full)
+    done = call(*RUN, "-o", str(tmp_path / "out"), *LONG)
+    assert done.exit_code == 5 and "history.csv: No space left on device; its last rows" in done.stderr
+    assert status_of(tmp_path / "out") == "running"
+    monkeypatch.undo()
+    assert here("-o", str(tmp_path / "out"), *LONG, "--resume")[0] == 0
 
 
 def test_a_second_process_is_kept_out_of_a_running_folder(tmp_path):
