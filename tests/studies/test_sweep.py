@@ -649,6 +649,24 @@ def test_texts_with_units_are_drawn_on_an_axis_of_numbers():
     assert axes.lines[0].get_xdata().tolist() == [0.5, 2.0]
 
 
+def test_curves_of_a_map_that_cover_one_another_are_dashed_and_runs_without_a_value_are_crosses():
+    from hfsim.output.plots.sweep import _over_two
+
+    vary = {"bodies.hub.points.rim": "[1, 0],[2, 0],[3, 0]", "bodies.hub.mass": "lin(-1, 2, 3)"}
+    found = hfsim.sweep(parse_deck(WHEEL), vary, ["max(hub.angle)"])
+    figure = _over_two(found, found.paths, "max(hub.angle)")
+    curves = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
+    assert [line.get_xdata().tolist() for line in curves] == [[0.5, 2.0]] * 3
+    assert [line.is_dashed() for line in curves] == [False, True, True]
+    assert len({line.get_markersize() for line in curves}) == 3
+    crosses = [line for line in figure.axes[0].lines if line.get_marker() == "x"]
+    assert [line.get_xdata().tolist() for line in crosses[:3]] == [[-1.0]] * 3
+    assert [line.get_color() for line in crosses[:3]] == [line.get_color() for line in curves]
+    assert len({float(line.get_ydata()[0]) for line in crosses[:3]}) == 3
+    told = [text.get_text() for text in figure.legends[0].texts]
+    assert told == ["[1, 0]", "[2, 0]", "[3, 0]", "no value"]
+
+
 def test_a_derivative_is_taken_at_a_text_with_a_unit(wheel):
     path = "initial.hub.angular_velocity"
     told = call("wheel.yaml", "--sensitivity", f"--vary={path}=180 deg/s", "--collect", "max(hub.angle)")

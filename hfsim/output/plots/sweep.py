@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, IntArray
 from hfsim.output.plots.figures import bare, new_figure, scaled, set_title, set_title_above
 from hfsim.output.plots.files import save
+from hfsim.output.plots.history import covering
 from hfsim.output.plots.ink import fitted
 from hfsim.output.plots.scale import with_unit
-from hfsim.output.plots.style import BLUE, RED, TIME_COLOURS, colour, slug
+from hfsim.output.plots.style import BLUE, DASHES, RED, TIME_COLOURS, colour, slug
 from hfsim.studies.sweep.effects import groups, main_effects, mean_curve
 from hfsim.studies.sweep.result import Sweep
 from hfsim.studies.sweep.sensitivity import Sensitivity
@@ -76,7 +77,7 @@ def _response(sweep: Sweep, path: str, name: str) -> Figure:
     axes = figure.subplots()
     places, ticks = _placed(sweep, path)
     values = sweep[name]
-    order = np.argsort(places, kind="stable")
+    order = _ordered(np.arange(len(sweep)), places)
     known = order[~np.isnan(values[order])]
     line = "" if ticks or (sweep.plan.kind == "sample" and len(sweep) > 50) else "-"
     axes.plot(places[known], values[known], f"o{line}", color=BLUE, markersize=4.5, linewidth=1.4)
@@ -88,12 +89,17 @@ def _response(sweep: Sweep, path: str, name: str) -> Figure:
     return figure
 
 
-def _mark_failed(axes: Axes, places: Array, size: float = 6.0) -> bool:
-    """Mark at the lower edge where runs gave nothing; return whether some did."""
+def _mark_failed(axes: Axes, places: Array, size: float = 6.0, at: float = 0.02, **style: Any) -> bool:
+    """Mark near the lower edge, at this part of the height, if runs gave nothing; tell whether some did."""
     if len(places):
-        style: dict[str, Any] = {"color": RED, "markersize": size, "label": "no value"}
-        axes.plot(places, np.full(len(places), 0.02), "x", transform=axes.get_xaxis_transform(), **style)
+        style = {"color": RED, "markersize": size, "label": "no value", **style}
+        axes.plot(places, np.full(len(places), at), "x", transform=axes.get_xaxis_transform(), **style)
     return bool(len(places))
+
+
+def _ordered(runs: IntArray, places: Array) -> IntArray:
+    """Return runs as they follow on an axis."""
+    return runs[np.argsort(places[runs], kind="stable")]
 
 
 def _placed(sweep: Sweep, path: str) -> tuple[Array, list[str]]:
@@ -153,22 +159,33 @@ def _curves(sweep: Sweep, path: str, other: str, name: str) -> Figure:
     figure = new_figure()
     axes = figure.subplots()
     places, ticks = _placed(sweep, path)
-    values, kinds = sweep[name], sweep[other]
-    distinct = list(dict.fromkeys(kinds.tolist()))
-    shades = TIME_COLOURS(np.linspace(0.0, 1.0, len(distinct)))
-    for k, kind in enumerate(distinct):
-        mine = np.flatnonzero(kinds == kind)
-        mine = mine[np.argsort(places[mine], kind="stable")]
-        mine = mine[~np.isnan(values[mine])]
-        own = colour(k) if len(distinct) <= _CURVES else shades[k]
-        shown = kind if isinstance(kind, str) else f"{kind:.4g}"
-        shown = shown if len(mine) else f"{shown}: no value"
-        axes.plot(places[mine], values[mine], "o-", color=own, markersize=4.5, linewidth=1.4, label=shown)
+    _draw_each(axes, places, sweep[name], sweep[other])
     _dress(axes, sweep, path, ticks)
     scaled(axes.yaxis, _label(sweep, name))
     set_title(figure, _title(sweep, f"{name} over {path}"))
     figure.legend(loc="outside right upper", frameon=False, title=_label(sweep, other).split(".")[-1])
     return figure
+
+
+def _draw_each(axes: Axes, places: Array, values: Array, kinds: Array) -> None:
+    """Draw a curve for each kind of runs, dashed where it covers others, with crosses for no value."""
+    distinct = list(dict.fromkeys(kinds.tolist()))
+    shades = TIME_COLOURS(np.linspace(0.0, 1.0, len(distinct)))
+    runs = [_ordered(np.flatnonzero(kinds == kind), places) for kind in distinct]
+    over = covering([values[mine] for mine in runs], float(np.nanmax(values) - np.nanmin(values)))
+    lost, step = 0, min(0.04, 0.3 / len(distinct))
+    for k, (kind, mine) in enumerate(zip(distinct, runs, strict=True)):
+        own = colour(k) if len(distinct) <= _CURVES else shades[k]
+        known, missing = (mine[np.isnan(values[mine]) == nan] for nan in (False, True))
+        shown = kind if isinstance(kind, str) else f"{kind:.4g}"
+        shown = shown if len(known) else f"{shown}: no value"
+        dash = DASHES[over[k] % len(DASHES)]
+        size = 6.0 * 0.6 ** min(over[k], 3) if any(over) else 4.5  # so that marks below are seen
+        style: dict[str, Any] = {"linestyle": (0.0, dash) if dash else "-", "linewidth": 1.4, "color": own}
+        axes.plot(places[known], values[known], "o", markersize=size, label=shown, **style)
+        lost += _mark_failed(axes, places[missing], at=0.02 + step * lost, color=own, label=None)
+    if lost:
+        _mark_failed(axes, np.array([math.nan]), color="0.3")
 
 
 def _heat_map(sweep: Sweep, paths: list[str], name: str) -> Figure:
