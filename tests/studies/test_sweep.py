@@ -155,6 +155,21 @@ def test_critical_loads_are_collected(wheel):
         assert row["status"] == "done" and row["frequency(1)"]
 
 
+def test_a_number_that_there_is_not_is_told_in_a_row_that_is_done(wheel):
+    """Alone as beside a run; where a study finds nothing at all, the row has failed."""
+    options = ("--vary", f"{STIFF}=50", "--no-plots", "--set", "initial.hub.angular_velocity=0")
+    for folder, some in (("alone", ()), ("both", ("final(hub.angle)",))):
+        told = call("wheel.yaml", *options, "--collect", "frequency(1)", "frequency(2)", *some, "-o", folder)
+        (row,) = rows_of(folder)
+        assert told.exit_code == 0 and (row["status"], row["class"]) == ("done", "")
+        assert row["frequency(1)"] and row["reason"] == "of 2 modes there are 1"
+    push = "loads={push: {type: moment, at: hub, moment: 1.0}}"
+    free = ("--vary", f"{STIFF}=0", "--set", "springs.coil.damping=1", "--set", push)
+    assert call("wheel.yaml", *free, "--collect", "critical(1)", "--no-plots", "-o", "free").exit_code == 0
+    (row,) = rows_of("free")
+    assert row["status"] == "failed" and row["reason"].startswith("nothing holds what the loads push")
+
+
 SHALLOW = """
 hfsim: 1
 name: shallow

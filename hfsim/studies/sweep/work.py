@@ -158,8 +158,9 @@ def _without_run(
 def _row_without_run(
     setting: Setting, quantities: Sequence[Quantity], found: Mapping[Quantity, Answer]
 ) -> Row:
-    why = next((one.reason for one in found.values() if one.value is None), "")
-    row = row_without("failed" if why else "done", why, setting)
+    missing = [one for one in found.values() if one.value is None]
+    why = next((one.reason for one in sorted(missing, key=lambda one: not one.failed)), "")
+    row = row_without("failed" if any(one.failed for one in missing) else "done", why, setting)
     return {**row, "collected": [found[one].value for one in quantities]}
 
 

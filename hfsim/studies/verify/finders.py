@@ -36,11 +36,14 @@ class Answer(NamedTuple):
     ----------
     reason : str
         Why there is no value.
+    failed : bool
+        Whether that is because nothing at all was found.
     """
 
     value: float | None
     time_error: float | None = None
     reason: str = ""
+    failed: bool = False
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,7 @@ def answer(order: Order) -> tuple[tuple[Answer, ...], float]:
 
 
 def _without(order: Order, reason: str) -> tuple[Answer, ...]:
-    return tuple(Answer(None, reason=reason) for _ in order.quantities)
+    return tuple(Answer(None, reason=reason, failed=True) for _ in order.quantities)
 
 
 # --- runs ----------------------------------------------------------------------------------------
