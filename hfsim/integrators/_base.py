@@ -214,6 +214,8 @@ class Integrator:
     make : callable
         Options -> method.
     stability : Stability
+    reads : tuple of str
+        What it reads of `Options` that some methods alone do.
     orders : tuple of int
         What ``order`` may be asked to be, where it can be.
     constant_mass : bool
@@ -226,6 +228,7 @@ class Integrator:
 
     make: Callable[[Options], Method]
     stability: Stability
+    reads: tuple[str, ...] = ()
     orders: tuple[int, ...] = ()
     constant_mass: bool = False
     rank: float = np.inf

@@ -396,5 +396,5 @@ def automatic(solve: Options, dissipates: bool) -> CollocationMethod:
     return _gauss(solve, damping, next(fewer, GAUSS_STAGES))
 
 
-GAUSS = Integrator(_gauss, Stability("A-stable, |R(iwh)| = 1"), rank=4, rescue=2)
-RADAU = Integrator(_radau, Stability("L-stable, |R(iwh)| < 1"), rank=3, rescue=1)
+GAUSS = Integrator(_gauss, Stability("A-stable, |R(iwh)| = 1"), ("stages",), rank=4, rescue=2)
+RADAU = Integrator(_radau, Stability("L-stable, |R(iwh)| < 1"), ("stages",), rank=3, rescue=1)

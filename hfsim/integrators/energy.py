@@ -342,4 +342,4 @@ def _make(solve: Options) -> EnergyMethod:
 
 
 _STABILITY = Stability("A-stable, |R(iwh)| = 1; keeps the energy of any motion")
-ENERGY = Integrator(_make, _STABILITY, constant_mass=True, rank=5)
+ENERGY = Integrator(_make, _STABILITY, ("stages",), constant_mass=True, rank=5)

@@ -312,4 +312,5 @@ def _make(solve: Options) -> Gear:
     return Gear(solve.tolerance, solve.step, solve.order)
 
 
-GEAR = Integrator(_make, Stability("A-stable", amplification), orders=(1, 2, 3, 4, 5), rank=1, rescue=3)
+_STABILITY = Stability("A-stable", amplification)
+GEAR = Integrator(_make, _STABILITY, ("order",), orders=(1, 2, 3, 4, 5), rank=1, rescue=3)

@@ -127,4 +127,5 @@ def _make(solve: Options) -> GeneralizedAlpha:
     return GeneralizedAlpha(solve.tolerance, solve.rho_inf)
 
 
-GENERALIZED_ALPHA = Integrator(_make, Stability("unconditionally stable for linear scenes"), rank=2)
+_STABILITY = Stability("unconditionally stable for linear scenes")
+GENERALIZED_ALPHA = Integrator(_make, _STABILITY, ("rho_inf",), rank=2)

@@ -37,7 +37,7 @@ from hfsim.scene.points import find_marker
 from hfsim.scene.redundancy import Redundancy, redundancy
 from hfsim.scene.rules import LeftOut, apply_rules, connected, keeps, owners, still_bodies
 from hfsim.scene.schema import Deck
-from hfsim.scene.stepping import kinds_of, stepping
+from hfsim.scene.stepping import kinds_of, stepping, unread
 
 _Found = TypeVar("_Found")
 
@@ -136,7 +136,8 @@ class Scene:
         """What looks wrong: slips in the deck, guesses far off, free motions hardly meant to be so."""
         found, at_start = [*self.loaded.warnings, *self.assembly.warnings()], not self.begin
         doubtful, off = (self._doubtful(), self._thrown()) if at_start else ((), ())
-        for path, what in (*doubtful, *self.redundancy.told(self.loaded), *self._not_borne(), *off):
+        told = (*unread(self.loaded), *doubtful, *self.redundancy.told(self.loaded), *self._not_borne(), *off)
+        for path, what in told:
             line = self.loaded.line_of(path)
             found.append(f"{path}{f' (line {line})' if line else ''}: {what}")
         return [*found, *(self.rest if at_start else ())]

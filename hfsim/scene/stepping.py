@@ -1,14 +1,15 @@
-"""The coordinates that steps are made in, where a deck leaves that open."""
+"""The coordinates that steps are made in, where a deck leaves that open; what its method does not read."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Literal
 
-from hfsim.integrators import steps_in_absolute_coordinates
+from hfsim.integrators import METHODS, integrator, steps_in_absolute_coordinates
 from hfsim.parts.bodies.models import MODELS, Model
 
 if TYPE_CHECKING:
+    from hfsim.scene.loading import LoadedDeck
     from hfsim.scene.schema import Deck
 
 _Coordinates = Literal["auto", "frame", "absolute"]
@@ -29,6 +30,25 @@ def stepping(deck: Deck, models: Mapping[str, str]) -> _Coordinates:
     kinds = _stepping_in(deck, models, stated)
     framed = (deck.bodies[beam].size for beam, kind in kinds.items() if kind.frame and not kind.varying_mass)
     return "absolute" if sum(framed) >= MANY else stated
+
+
+def unread(loaded: LoadedDeck) -> Iterator[tuple[str, str]]:
+    """Yield, with its deck path, what a deck states that its method does not read.
+
+    Where an override chooses the method, that is what overrides state too: decks are shared by methods.
+    """
+    solve, source, own = loaded.deck.solve, loaded.source, ("order", "stages", "rho_inf")
+    stated = [key for key in own if getattr(solve, key) != type(solve).model_fields[key].default]
+    if source.is_overridden(("solve", "method")):
+        stated = [key for key in stated if source.is_overridden(("solve", key))]
+    method = source.data["solve"].get("method", "auto") if stated else ""
+    readers = {key: [name for name in METHODS if key in integrator(name).reads] for key in stated}
+    if method == "auto":
+        readers.pop("stages", None)
+    idle = {key: names for key, names in readers.items() if method not in names}
+    if idle:
+        others = ", ".join(f"{key} (of {', '.join(names)})" for key, names in idle.items())
+        yield f"solve.{next(iter(idle))}", f"method {method} does not read {others}"
 
 
 def kinds_of(deck: Deck, models: Mapping[str, str]) -> dict[str, Model]:
