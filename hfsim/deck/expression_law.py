@@ -36,6 +36,8 @@ _UNEVEN = 4.0
 _BESIDE = 1e-6
 """Part of a run beside a switch where rates are compared."""
 
+_DECLARE = "declare it under parameters, or use t"
+
 _Function: TypeAlias = "Callable[[list[Any]], Jet]"
 _Taken: TypeAlias = "tuple[tuple[Node, Node], ...]"
 """Calls of min and max, each with that of its arguments which is meant."""
@@ -74,7 +76,8 @@ def checked(node: Node) -> Node:
     """
     for name in names_in(node):
         if name.head != TIME:
-            raise name.wrong(f"there is no '{name.head}'", "declare it under parameters, or use t")
+            hint = f"did you mean '{TIME}'?" if name.head.lower() == TIME else _DECLARE
+            raise name.wrong(f"there is no '{name.head}'", hint)
     for one in _calls(node):
         if one.head not in OF_TIME and of_time(one):
             kind = "jumps" if one.head in JUMPS else "cannot be taken"

@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import NamedTuple
 
 from hfsim.deck.reader import LARGEST, Mark
-from hfsim.deck.source import did_you_mean
+from hfsim.deck.source import near_file
 from hfsim.errors import DeckProblem
 
 MOST_FILES = 100
@@ -127,18 +127,20 @@ class Folder:
             if not os.path.isfile(real):
                 if os.path.exists(real):
                     raise FileRefusedError(f"{path} is no file")
-                raise FileRefusedError(f"{path} is not there", self._near(path))
+                raise FileRefusedError(f"{path} is not there", _near(path, plain))
         except (OSError, ValueError) as error:
             raise FileRefusedError(f"'{name}' is no name of a file") from error
         return path
 
-    def _near(self, path: Path) -> str:
-        try:
-            names = sorted(one.name for one in path.parent.iterdir() if one.suffix == path.suffix)
-        except OSError:
-            return ""
-        hint = did_you_mean(path.name, names)
-        return hint if hint.endswith("?") else ""
+
+def _near(path: Path, name: PurePosixPath) -> str:
+    """Return which file beside a path may be meant by a name, as a question."""
+    try:
+        others = sorted(one.name for one in path.parent.iterdir() if one.suffix == path.suffix)
+    except OSError:
+        return ""
+    close = near_file(name, others)
+    return f"did you mean '{close}'?" if close else ""
 
 
 def placed(mark: Mark | None, path: str, message: str, hint: str = "") -> DeckProblem:

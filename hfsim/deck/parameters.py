@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -243,15 +243,16 @@ class Values:
             if name.head in self.bad:
                 raise _UnknownError
             if name.head not in self.known and name.head not in others:
-                raise name.wrong(f"there is no {self.kinds} '{name.head}'", self._hint(name.head))
+                raise name.wrong(f"there is no {self.kinds} '{name.head}'", self._hint(name.head, others))
         return bound(tree, self.known)
 
-    def _hint(self, name: str) -> str:
+    def _hint(self, name: str, others: Sequence[str]) -> str:
         if name in FUNCTIONS:
             return f"write {name}(...)"
         if name == TIME:
             return "time stands in laws only: {expression: ...}"
-        return did_you_mean(name, [*self.known, *self.bad, *CONSTANTS]) if self.known else _DECLARE
+        near = did_you_mean(name, [*others, *self.known, *self.bad, *CONSTANTS])
+        return near if self.known or near.endswith("?") else ", or use ".join([_DECLARE, *others])
 
     def _note(
         self, path: Path, text: str, shift: int, error: ExpressionError | _UnknownError, on_key: bool = False

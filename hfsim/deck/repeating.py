@@ -230,14 +230,11 @@ class _Repeating:
     def _whole(self, path: Path, text: str, part: tuple[int, int], on_key: bool) -> int | None:
         unit = self.values.units.get(text[slice(*part)].strip(), "")
         value = self.values.value(path, text, part, on_key)
-        if value is not None and unit:
-            piece = text[slice(*part)].strip()
-            self._refuse(path, f"{piece} must be a whole number, not {value:g} {unit}", "", on_key)
-            return None
         self.nameless |= on_key and value is None
-        if value is not None and not value.is_integer():
-            piece = text[slice(*part)].strip()
-            self._refuse(path, f"{piece} must be a whole number, not {value:g}", "", on_key)
+        if value is not None and (unit or not value.is_integer()):
+            piece, shown = text[slice(*part)].strip(), f"{value:g} {unit}".strip()
+            hint = f'"${{{piece}}}" is its value' if text.strip("{} ") == piece else ""
+            self._refuse(path, f"{piece} must be a whole number, not {shown}", hint, on_key)
             return None
         return None if value is None else int(value)
 

@@ -8,6 +8,7 @@ from dataclasses import field
 from functools import partial
 from itertools import islice
 from pathlib import Path as FilePath
+from pathlib import PurePath
 from typing import Any, Protocol, TypeVar
 
 from hfsim.deck.reader import LARGEST, Mark, Path, dotted, parse
@@ -71,6 +72,21 @@ def nearest(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
     like = partial(difflib.get_close_matches, n=1, cutoff=likeness)
     close = like(word.lower(), by_lower) if len(word) <= LONGEST_WORD else []
     return by_lower[close[0]] if close else ""
+
+
+def near_file(path: PurePath, others: Iterable[str]) -> str:
+    """Return, with the folder of a path, the file that its name is most like but for its ending.
+
+    Examples
+    --------
+    >>> near_file(PurePath("parts/rotor.yaml"), ["arm.yaml", "rotors.yaml"])
+    'parts/rotors.yaml'
+    >>> near_file(PurePath("rotor.yaml"), ["arm.yaml"])
+    ''
+    """
+    stems = {PurePath(one).stem: one for one in others}
+    close = nearest(path.stem, stems)
+    return str(path.with_name(stems[close])) if close else ""
 
 
 def _parts(name: str) -> set[str]:

@@ -138,6 +138,9 @@ _NUMBER_GOES_ON = re.compile(r"(?!1/)[-+.\d_,eE]*[.\d_,]|[eE][-+]?(?![\w%])", re
 
 _DECIMAL_COMMA = re.compile(r"\A([-+]?[0-9]+),([0-9]+(?![.,_\d]))", re.ASCII)
 
+_ASKEW = re.compile(r"[${(]+\s*([A-Za-z_]\w*)\s*[)}]*", re.ASCII)
+"""A name as other programs' templates have it."""
+
 
 class UnitError(ValueError):
     """Text that is no quantity of the dimension asked for; ``hint`` says what would be, ``unit`` is wrong."""
@@ -186,7 +189,9 @@ def parse_quantity(text: str, dimension: str) -> float:
     match = _QUANTITY.match(text) if len(text) <= _LONGEST else None
     expected = f"must be {describe(dimension)}"
     if match is None:
-        raise UnitError(f"{expected}, not '{text}'", _known_units(dimension))
+        askew = _ASKEW.fullmatch(text.strip())
+        hint = f'"${{{askew[1]}}}" is the value of a parameter' if askew else _known_units(dimension)
+        raise UnitError(f"{expected}, not '{text}'", hint)
     number, unit = match.groups()
     if not unit:
         raise UnitError(f"{expected}, not the text '{text}'", f"without quotes, {number} is taken in SI")

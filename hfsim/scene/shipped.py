@@ -25,6 +25,10 @@ def shipped_cases() -> dict[str, Path]:
     return {path.stem: path for path in sorted(CASES.glob("*.yaml"))}
 
 
+_LIKE = 0.75
+"""Likeness of names from which a shipped case may be meant by one."""
+
+
 def find_deck(name: str) -> Path:
     """Return the existing file that a name means: a path, or the bare name of a shipped case.
 
@@ -50,11 +54,11 @@ def find_deck(name: str) -> Path:
 
 
 def _near(path: Path, cases: list[str]) -> str:
-    import difflib
+    from hfsim.deck.source import near_file, nearest
 
     if path.stem in cases:
         return f" (a shipped case has that name: use '{path.stem}')"
-    folder = path.parent if os.path.isdir(path.parent) else Path()
-    files = [file.name for file in folder.glob("*.y*ml")]
-    near = difflib.get_close_matches(path.name, files, 1) or difflib.get_close_matches(path.stem, cases, 1)
-    return f" (did you mean '{near[0]}'?)" if near else ""
+    beside = path if os.path.isdir(path.parent) else Path(path.name)
+    files = sorted(file.name for file in beside.parent.glob("*.y*ml"))
+    near = near_file(beside, files) or nearest(path.stem, cases, _LIKE)
+    return f" (did you mean '{near}'?)" if near else ""

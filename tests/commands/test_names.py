@@ -103,6 +103,23 @@ def test_of_an_unknown_name_the_nearest_is_told(here, words, meant):
     assert refused.exit_code == 2 and f"(did you mean '{meant}'?)" in refused.stderr
 
 
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [
+        ("parts/rotr.yaml", " (did you mean 'parts/rotor.yaml'?)"),
+        ("rotor.yaml", ""),  # like others by its ending alone
+        ("casse.yml", " (did you mean 'case.yaml'?)"),
+        ("nowhere/case.yaml", " (did you mean 'case.yaml'?)"),
+        ("pendulm.yaml", " (did you mean 'pendulum'?)"),
+    ],
+)
+def test_of_a_missing_deck_the_nearest_is_told_with_its_folder(here, word, meant):
+    (here / "parts").mkdir()
+    for name in ("case.yaml", "tb_short.yaml", "parts/rotor.yaml"):
+        (here / name).write_text(DECK)
+    assert call("check", word).stderr == f"error: there is no deck {word}{meant}. Nothing was run.\n"
+
+
 @pytest.mark.parametrize("deck", ["case.yaml", "gone.yml", "pendulum"])
 def test_a_deck_in_the_place_of_a_command_is_told_what_runs_it(here, deck):
     (here / "case.yaml").write_text(DECK)

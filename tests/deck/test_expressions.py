@@ -300,6 +300,23 @@ def test_a_parameter_of_an_unknown_unit_is_told_the_known_ones(value, what, hint
     assert (problem.message, problem.hint) == (f"must be a number, {what}", hint)
 
 
+@pytest.mark.parametrize(
+    ("text", "message", "hint"),
+    [
+        ("{own}", "own must be a whole number, not 0.5", '"${own}" is its value'),
+        ("{{own}}", "own must be a whole number, not 0.5", '"${own}" is its value'),
+        ("{far}", "far must be a whole number, not 0.8 m", '"${far}" is its value'),
+        ("$own", "must be a length [m], not '$own'", '"${own}" is the value of a parameter'),
+        ("$(own)", "must be a length [m], not '$(own)'", '"${own}" is the value of a parameter'),
+    ],
+)
+def test_a_parameter_written_as_elsewhere_is_told_how_to_write_it(text, message, hint):
+    with pytest.raises(DeckError) as caught:
+        parse_deck(f"parameters: {{own: 0.5, far: 80 cm}}{SMALL}".replace("length: 2", f'length: "{text}"'))
+    (problem,) = caught.value.problems
+    assert (problem.path, problem.message, problem.hint) == ("bodies.arm.length", message, hint)
+
+
 @pytest.mark.parametrize("override", ["parameters.n=${1 / 0}", "parameters.n=x", "bodies.arm.length=${m}"])
 def test_wrong_expressions_of_overrides_are_placed_at_set(override):
     with pytest.raises(DeckError) as caught:
@@ -347,6 +364,24 @@ def test_negative_values_fit_into_the_deepest_law():
 
 
 # Laws ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("parameters", "law", "hint"),
+    [
+        ("{own: 1}", "sin(2 * T)", "did you mean 't'?"),
+        ("{own: 1}", "sin(2 * w)", "known: t, own, pi, tau, e"),
+        ("{}", "sin(2 * T)", "did you mean 't'?"),
+        ("null", "sin(2 * w)", "declare it under parameters, or use t"),
+    ],
+)
+def test_time_is_among_the_names_that_a_law_may_mean(parameters, law, hint):
+    push = f"{{type: force, at: arm.tip, force: [0, 1], law: {{expression: '{law}'}}}}"
+    declared = "" if parameters == "null" else f"parameters: {parameters}"
+    with pytest.raises(DeckError) as caught:
+        parse_deck(f"{declared}{SMALL}loads: {{push: {push}}}")
+    (problem,) = caught.value.problems
+    assert (problem.path, problem.hint) == ("loads.push.law.expression", hint)
 
 
 def law_of(text, **more):

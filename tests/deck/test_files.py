@@ -188,6 +188,15 @@ def test_a_link_to_a_deck_is_at_home_where_it_stands(deck, tmp_path_factory):
     assert "parts/arm.yaml is not there" in refusal(elsewhere / "lift.yaml")
 
 
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [("parts/amr.yaml", " (did you mean 'parts/arm.yaml'?)"), ("parts/winch.yaml", ""), ("arm.yaml", "")],
+)
+def test_of_a_file_that_is_not_there_the_nearest_is_told_as_the_deck_would_name_it(deck, name, meant):
+    changed(deck, "parts/arm.yaml", name)
+    assert f"{name} is not there{meant}\n" in refusal(deck)
+
+
 def test_the_files_of_a_deck_are_bounded_together(deck, monkeypatch):
     here = deck.parent
     names = [f"parts/p{k}.yaml" for k in range(120)]
