@@ -37,6 +37,21 @@ def test_a_run_gives_arrays_by_name_and_prints_nothing(capfd):
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_deck_that_another_reader_has_spoilt_is_told_what_its_key_was():
+    """YAML 1.1 takes 'on' for true."""
+    import yaml
+
+    drag = yaml.safe_load("{type: drag, on: arm, density: 1.2, coefficient: 1.1, width: 0.02}")
+    assert True in drag
+    with pytest.raises(hfsim.DeckError, match=r"did you mean 'on'\? YAML 1\.1") as refusal:
+        hfsim.check({**DECK, "loads": {"air": drag}})
+    (problem,) = refusal.value.problems
+    assert (problem.path, problem.message) == ("loads.air.true", "unknown key")
+    spoilt = {"loads": {"air": {"type": "moment", "at": "arm.tip", "moment": 1.0, True: 1}}}
+    with pytest.raises(hfsim.DeckError, match=r"unknown key \(known: "):
+        hfsim.check({**DECK, **spoilt})
+
+
 def test_a_run_is_a_dictionary_of_its_columns():
     run = hfsim.run(DECK, **QUICK)
     names = ["t", "arm.tip.x", "arm.angle", "energy.total"]

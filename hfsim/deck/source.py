@@ -21,6 +21,7 @@ LONGEST_WORD = 64
 """Characters of a word that may be a misspelt name."""
 _MISSPELT = 0.8
 """Likeness from which a word is a known name misspelt, though it shares parts with others."""
+_ON = "did you mean 'on'? YAML 1.1, as PyYAML has it, reads that as true: quote it"
 _LISTED = 20
 """Known names that a message lists."""
 MOST_BYTES = 4 * LARGEST + 4
@@ -113,6 +114,8 @@ def did_you_mean(word: str, known: Collection[str]) -> str:
     >>> did_you_mean("colour", ["length", "width"])
     'known: length, width'
     """
+    if word == "true" and "on" in known:
+        return _ON
     if likely := [f"'{name}'" for name in _likely(word, known)]:
         *others, last = likely
         return f"did you mean {', '.join(others)}{' or ' if others else ''}{last}?"

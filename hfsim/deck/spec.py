@@ -353,7 +353,7 @@ _MESSAGES = {
     "list_type": "must be a list",
     "tuple_type": "must be a list",
 }
-_TOO_SHORT = "too_short"
+_LENGTHS = {"too_short": ("least", "min_length"), "too_long": ("most", "max_length")}
 
 
 def explained(spec: type[Spec], error: ValidationError) -> list[Complaint]:
@@ -372,7 +372,7 @@ def explained(spec: type[Spec], error: ValidationError) -> list[Complaint]:
 
 def _counts_good_ones(item: ErrorDetails) -> bool:
     """Tell whether a list is refused as too short only because entries of it are."""
-    return item["type"] == _TOO_SHORT and len(item["input"]) >= item["ctx"]["min_length"]
+    return item["type"] == "too_short" and len(item["input"]) >= item["ctx"]["min_length"]
 
 
 def _explained(spec: type[Spec], item: ErrorDetails) -> Complaint:
@@ -390,9 +390,10 @@ def _explained(spec: type[Spec], item: ErrorDetails) -> Complaint:
         return Complaint(path, "missing key", field_texts(spec).get(field, "").rstrip("."), True)
     if kind == "literal_error":
         return wrong_choice(path, item["input"], re.findall(r"'([^']*)'", context["expected"]))
-    if kind == _TOO_SHORT:
-        least, given = context["min_length"], len(item["input"])
-        entries = "entry" if least == 1 else "entries"
-        return Complaint(path, f"must have at least {least} {entries}, not {given or 'none'}", "", on_key)
+    if kind in _LENGTHS:
+        word, bound = _LENGTHS[kind]
+        count, given = context[bound], len(item["input"])
+        entries = "entry" if count == 1 else "entries"
+        return Complaint(path, f"must have at {word} {count} {entries}, not {given or 'none'}", "", on_key)
     message = _MESSAGES[kind].format(**context) if kind in _MESSAGES else item["msg"]
     return Complaint(path, f"{message}, not {shown(item['input'])}", "", on_key)

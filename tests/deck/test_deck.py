@@ -538,6 +538,7 @@ def test_texts_that_are_read_again_come_back_as_they_were():
     ("override", "told"),
     [
         ("output.channels=[]", ["must have at least 1 entry, not none"]),
+        (f"output.snapshots={[0.001] * 21}", ["must have at most 20 entries, not 21"]),
         ("output.channels=[5, 6]", ["must be text, not 6", "must be text, not 5"]),
         ("solve.target_channels=[]", ["must have at least 1 entry, not none"]),
         ("bodies.b1.axis={points: [[0, 0]]}", ["must have at least 2 entries, not 1"]),
