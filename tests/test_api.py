@@ -1,5 +1,6 @@
 """hfsim from Python: decks in all their forms, results by name, errors as exceptions, nothing printed."""
 
+import inspect
 import json
 import pickle
 import sys
@@ -265,6 +266,30 @@ def test_what_cannot_be_compared_is_refused(models, options, why):
 def test_arguments_that_cannot_be_meant_are_refused(study, options, why):
     with pytest.raises(hfsim.HfsimError, match=why):
         study(DECK, **options)
+
+
+def flags_and_callbacks():
+    """Yield each public function with each of its arguments that is true or false, or is called."""
+    wrong = {"bool": "no", "bool | str": 3, "Progress | None": 3}
+    for name in (one for one in sorted(hfsim.__all__) if inspect.isfunction(getattr(hfsim, one))):
+        for argument in inspect.signature(getattr(hfsim, name)).parameters.values():
+            if argument.annotation in wrong:
+                yield name, argument.name, wrong[argument.annotation]
+
+
+@pytest.mark.parametrize(("name", "argument", "value"), [*flags_and_callbacks()])
+def test_what_is_no_flag_or_cannot_be_called_is_refused_by_its_name(tmp_path, name, argument, value):
+    turning, vary = {"initial": {"arm": {"angular_velocity": 1.0}}}, {"gravity.1": [1.0]}
+    own = {"separation": (), "campbell": (DECK, [1.0], turning), "sweep": (DECK, vary)}
+    given = {**own, "sensitivity": (DECK, vary, ["max(arm.angle)"]), "verify": ()}.get(name, (DECK,))
+    folder = {"output": tmp_path / "out"} if argument == "resume" else {}
+    with pytest.raises(hfsim.HfsimError, match=f"^{argument} is {value!r}: it is (True or|a function)"):
+        getattr(hfsim, name)(*given, **folder, **{argument: value})
+
+
+@pytest.mark.parametrize("value", [0, 1, np.True_, np.bool_(False)])
+def test_numbers_of_flags_are_flags(value):
+    assert hfsim.run(DECK, {"solve.duration": 0.02}, check=value, **QUICK).status == "done"
 
 
 def test_a_campbell_diagram_of_no_modes_is_refused():

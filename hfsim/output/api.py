@@ -19,8 +19,10 @@ from hfsim.marching.solution import Run
 from hfsim.marching.stop import Budget, Progress, nobody
 from hfsim.output.arguments import (
     AnyDeck,
+    callback,
     deck_text,
     destination,
+    flags,
     in_arguments,
     integral,
     model_setting,
@@ -157,6 +159,8 @@ def run(
         If the folder must not or cannot be written to.
     """
     to = destination(output, force, plots)
+    flags(error_estimate=error_estimate, diagnosis=diagnosis, check=check)
+    callback(progress=progress)
     real(after=after)
     if after is not None and not after >= 0.0:
         raise ArgumentError(f"after is {after}: estimates and diagnosis take no less than 0 s")
@@ -310,6 +314,8 @@ def compare(
 
     real(max_error=max_error)
     integral(repeats=repeats)
+    flags(error_estimate=error_estimate)
+    callback(progress=progress)
     if not 0.0 < max_error < math.inf:
         raise ArgumentError(f"max_error is {max_error}: a difference is held against a positive number")
     if repeats < 1:
@@ -354,6 +360,7 @@ def verify(
     """
     from hfsim.studies import verify as study
 
+    callback(progress=progress)
     shipped = study.published_decks()
     many = isinstance(decks, Iterable) and not isinstance(decks, Mapping | str | bytes)
     named: Sequence[Any] = list(decks) or list(shipped) if many else [decks]  # type: ignore[arg-type]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from numbers import Integral, Real
 from pathlib import Path
@@ -133,6 +133,29 @@ def integral(**given: int | None) -> None:
             raise ArgumentError(f"{argument} is {value}: it is a whole number")
 
 
+def flags(**given: bool) -> None:
+    """Refuse what is neither true nor false: any text would count as true."""
+    for argument, value in given.items():
+        if not _is_flag(value):
+            raise ArgumentError(f"{argument} is {_shown(value)}: it is True or False")
+
+
+def callback(**given: Callable[..., object] | None) -> None:
+    """Refuse what cannot be called; None stands for nothing to call."""
+    for argument, value in given.items():
+        if value is not None and not callable(value):
+            raise ArgumentError(f"{argument} is {_shown(value)}: it is a function")
+
+
+def _is_flag(value: object) -> bool:
+    own = value.tolist() if hasattr(value, "tolist") else value
+    return isinstance(own, int) and own in (0, 1)
+
+
+def _shown(value: object) -> str:
+    return repr(value) if isinstance(value, str | int | float) else _a(value)
+
+
 def _is_number(value: object) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
 
@@ -240,7 +263,9 @@ def in_arguments() -> Iterator[None]:
 
 def check_format(plots: bool | str) -> None:
     """Refuse a format that pictures do not have."""
-    if isinstance(plots, str) and plots not in FORMATS:
+    if not isinstance(plots, str):
+        flags(plots=plots)
+    elif plots not in FORMATS:
         raise ArgumentError(f"plots have no format '{plots}'; there are {', '.join(FORMATS)}")
 
 
@@ -262,6 +287,7 @@ def destination(
         If there is no such folder or format, or something is said of what is written, and no folder.
     """
     check_format(plots)
+    flags(force=force)
     if output is not None:
         from hfsim.output.talk import Destination
 

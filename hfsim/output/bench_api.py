@@ -12,6 +12,7 @@ from hfsim.marching.stop import Budget, Progress, nobody
 from hfsim.output.api import for_models, load
 from hfsim.output.arguments import (
     AnyDeck,
+    callback,
     destination,
     finished,
     integral,
@@ -97,6 +98,7 @@ def bench(
 
     start = time.process_time()
     positive(budget=budget)
+    callback(progress=progress)
     _refuse_repeats(repeats)
     wanted = Sweep(
         several("methods", methods), several("models", models), numbers("tolerances", tolerances),
@@ -157,6 +159,7 @@ def separation(
 
     start = time.process_time()
     positive(budget=budget)
+    callback(progress=progress)
     _refuse_repeats(repeats)
     counts, batches = numbers("elements", elements, int), numbers("states", states, int)
     kinds = known_kinds(several("element", element))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from hfsim.marching.stop import Progress, nobody
 from hfsim.output.api import load
-from hfsim.output.arguments import AnyDeck, integral, real, reals
+from hfsim.output.arguments import AnyDeck, callback, integral, real, reals
 
 if TYPE_CHECKING:
     from hfsim.studies.modes import Campbell, Modes
@@ -63,6 +63,7 @@ def modes(
 
     real(at=at, period=period)
     integral(count=count)
+    callback(progress=progress)
     loaded = without_refused_channels(load(deck, changes).with_numbers())
     if period is not None:
         check_state(about, at)
@@ -109,6 +110,7 @@ def campbell(
 
     wanted = reals("rates", rates)
     integral(count=count)
+    callback(progress=progress)
     start = about(without_refused_channels(load(deck, changes).with_numbers()))
     if body is not None:
         start = seen_from(start, body)

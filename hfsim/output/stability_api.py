@@ -11,6 +11,7 @@ from hfsim.marching.stop import Progress, nobody
 from hfsim.output.api import for_models, load
 from hfsim.output.arguments import (
     AnyDeck,
+    callback,
     destination,
     finished,
     mapping,
@@ -109,6 +110,7 @@ def stability(
         "stiffness": scale_stiffness, "speed": scale_speed, "amplitude": amplitude,
         "slenderness": slenderness, "step": step, "elements": elements,
     }  # fmt: skip
+    callback(progress=progress)
     positive(max_error=max_error, max_drift=max_drift, bisect=bisect, budget=budget, limit=limit)
     one_of("ending", ending, ENDINGS)
     asked = Asked(

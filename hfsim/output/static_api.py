@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from hfsim.errors import UnfinishedRunError
 from hfsim.output.api import folder_for, for_models, load
-from hfsim.output.arguments import AnyDeck, destination, in_arguments, integral, real, several
+from hfsim.output.arguments import AnyDeck, destination, flags, in_arguments, integral, real, several
 
 if TYPE_CHECKING:
     from hfsim.marching.solution import Run
@@ -67,6 +67,7 @@ def static(
 
     real(at=at)
     integral(buckling=buckling)
+    flags(path=path, check=check)
     to = destination(output, force, plots)
     base = load(deck, changes)
     loaded = for_models(base, (base.deck.solve.model,))

@@ -12,8 +12,10 @@ from hfsim.marching.stop import Progress, nobody
 from hfsim.output.api import load
 from hfsim.output.arguments import (
     AnyDeck,
+    callback,
     destination,
     finished,
+    flags,
     in_arguments,
     integral,
     mapping,
@@ -113,6 +115,7 @@ def sweep(
     """
     said = mapping("vary", vary, '{"bodies.b1.length": [1.0, 1.2]}')
     integral(sample=sample, seed=seed)
+    flags(error_estimate=error_estimate, mesh_error=mesh_error)
     asked = Asked(
         {path: values_text("vary", values) for path, values in said.items()}, sample, sampler, seed,
         None if table is None else Path(table), several("collect", collect), True, error_estimate, mesh_error,
@@ -195,6 +198,8 @@ class _Work(NamedTuple):
     def done(self, asked: Asked, loaded: LoadedDeck) -> tuple[Sweep, Wanted]:
         """Do what is asked for; return all of its runs, and what they are."""
         positive(limit=asked.limit)
+        flags(resume=self.resume)
+        callback(progress=self.progress)
         if self.resume and self.to is not None and self.to.force:
             raise ArgumentError("resume and force are one or the other")
         wanted = wanted_of(asked, loaded.with_numbers(), nobody, self.keep)
