@@ -201,6 +201,29 @@ def test_what_is_stated_of_a_body_comes_before_its_bushing():
     assert starts(held)["c.x"] == 0.4
 
 
+DRIVEN = """
+hfsim: 1
+gravity: [0, 0]
+ground: {points: {foot: [1, 2]}}
+bodies: {hub: {type: rigid, mass: 1, inertia: 1, points: {p: [0.3, 0]}}}
+joints: {turn: {type: driver, between: [ground, hub], angle: {type: constant, value: 0.5}}}
+springs: {mount: {type: bushing, between: [ground.foot, hub.p], stiffness: 1000, place: [0.1, 0]}}
+solve: {duration: 0.1}
+output: {channels: [hub.x, hub.y, hub.angle, energy.total]}
+"""
+
+
+def test_their_place_is_where_a_body_starts_that_only_turns_are_said_of():
+    place = {"hub.x": 1.1 - 0.3 * np.cos(0.5), "hub.y": 2.0 - 0.3 * np.sin(0.5), "hub.angle": 0.5}
+    driven = starts(DRIVEN)
+    assert driven == pytest.approx(place | {"energy.total": 0.0}, abs=1e-8)
+    stated = starts(DRIVEN, **{"joints": {}, "initial.hub.angle": 0.5})
+    assert stated == pytest.approx(driven, abs=1e-8)
+    assert starts(DRIVEN, **{"initial.hub.position": [0, 0]})["hub.x"] == 0.0
+    held = DRIVEN.replace("joints: {", "joints: {pin: {type: revolute, between: [ground, hub]}, ")
+    assert starts(held)["hub.x"] == 0.0
+
+
 @pytest.mark.parametrize(
     ("entry", "told"),
     [

@@ -143,9 +143,13 @@ class RestSpec(FixedSpec):
     place: LengthVector | None = None
     """Where B is, in A's frame [m]; at A without it."""
 
+    faces: bool = True
+    """Whether it holds how B is turned, too."""
+
     def held(self, facing: Array | None = None) -> tuple[Held, ...]:
         """Return what a fixed joint would hold, at this place."""
         point, *turn = super().held(facing)
+        turn = turn if self.faces else []
         if self.place is None:
             return point, *turn
         at = zip(_axes(len(self.place)), self.place, strict=True)
