@@ -302,3 +302,77 @@ def test_the_command_takes_periods_as_rates_and_writes_multipliers(here):
     assert head.startswith("mode,frequency,growth_rate,uncertainty,kind,multiplier_real,multiplier_imag")
     for bad in (["0"], ["1", "--about", "steady"], ["1", "--spin", "1,2"], ["1", "--matrices", "m.npz"]):
         assert CliRunner().invoke(app, ["modes", "rotor.yaml", "--period", *bad]).exit_code == 2
+
+
+HUNG = {
+    "hfsim": 1,
+    "bodies": {"a": {"type": "rigid", "mass": 1, "inertia": 0.1, "points": {"top": [0, 1]}}},
+    "solve": {"duration": 1.0},
+}
+HINGE_OF_A = {"hinge": {"type": "revolute", "between": ["ground", "a.top"]}}
+
+
+@pytest.mark.parametrize(("joints", "number"), [({}, 3), (HINGE_OF_A, 1)])
+def test_what_nothing_brings_back_goes_on_by_itself(joints, number):
+    """Two multipliers of one and one motion: an error of either is the root of that of the matrix."""
+    found = hfsim.modes(HUNG | {"gravity": [0, 0], "joints": joints}, period=1.0)
+    assert [mode.kind for mode in found] == number * ["rigid"]
+
+
+@pytest.mark.parametrize("rate", [5.0, 20.0, 30.0])
+def test_a_rotor_that_nothing_drives_does_not_grow(rate):
+    deck = rotor(2, rate, [900.0, 400.0])
+    del deck["joints"]["motor"]
+    deck["initial"]["hub"] = {"angular_velocity": rate}
+    found = hfsim.modes(deck, period=2.0 * np.pi / rate)
+    assert [mode.kind for mode in found] == ["rigid", *4 * ["vibration"]] and found.complete
+
+
+def test_what_grows_fast_is_moved_by_little():
+    """A pendulum that stands on its head: exp(w T) of 7e4, 1e8, and too much to be followed."""
+    deck, fast = HUNG | {"gravity": [0, 9.81], "joints": HINGE_OF_A}, np.sqrt(9.81 / 1.1)
+    for period in (4.0, 6.0):
+        (found,) = hfsim.modes(deck, period=period).unstable
+        assert found.value == pytest.approx(fast, abs=1e-4 / period)
+    for period in (8.0, 10.0):
+        with pytest.raises(HfsimError, match="too much to be followed"):
+            hfsim.modes(deck, period=period)
+
+
+@pytest.mark.parametrize("period", [0.5, 1.5])
+def test_laws_of_another_period_are_noticed(period):
+    """Of a sine nothing is seen at both ends of half a period."""
+    assert hfsim.modes(PIVOT, period=period).uneven and not hfsim.modes(PIVOT, period=1.0).uneven
+
+
+def test_what_is_wound_up_goes_on_otherwise():
+    deck = rotor(2, 8.0, [900.0, 400.0])
+    deck["springs"]["coil"] = {"type": "rotational", "between": ["ground", "hub"], "stiffness": 1.0}
+    assert hfsim.modes(deck, period=2.0 * np.pi / 8.0).uneven
+
+
+def test_turns_are_known_where_a_run_has_come_to():
+    """In space angles are known to a turn: those of the run count on."""
+    text = """hfsim: 1
+gravity: [0, 0, 0]
+bodies: {a: {type: rigid, mass: 1, inertia: [1, 1, 1]}}
+joints:
+  h: {type: revolute, between: [ground, a], axis: [0, 0, 1]}
+  s: {type: servo, between: [ground, a], axis: [0, 0, 1], stiffness: 5, damping: 1,
+      angle: {type: constant_rate, rate: 8}}
+initial: {a: {angular_velocity: [0, 0, 8]}}
+solve: {duration: 1}
+"""
+    found = hfsim.modes(parse_deck(text), period=2.0 * np.pi / 8.0, at=4.0)
+    assert [mode.growth for mode in found] == pytest.approx([-0.5], abs=1e-7)
+
+
+def test_what_has_no_freedom_has_no_modes_and_latches_begin_anew():
+    welded = {"weld": {"type": "fixed", "between": ["ground", "a"]}}
+    assert len(hfsim.modes(HUNG | {"joints": welded}, period=1.0)) == 0
+    catch = {"hinge": HINGE_OF_A["hinge"] | {"latch": {"angle": 0.1, "stiffness": 10.0}}}
+    deck = HUNG | {"joints": catch, "gravity": [0, -9.81]}
+    with pytest.raises(HfsimError, match="begin anew"):
+        hfsim.modes(deck, period=1.0, at=1.0)
+    with pytest.raises(ArgumentError, match="two states"):
+        hfsim.modes(deck, period=1.0, about="equilibrium")

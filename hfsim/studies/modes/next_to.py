@@ -17,13 +17,20 @@ from hfsim.maths.matrices import dense
 from hfsim.maths.squares import squares_of
 from hfsim.mechanics.small_motions import SmallMotions
 from hfsim.mechanics.system import System
+from hfsim.mechanics.ties import Tie
 from hfsim.scene.build import Scene
-from hfsim.studies.modes.state import About, after, linearised
+from hfsim.studies.modes.state import About, ModesError, linearised, run_until
 
 OFTEN = 50.0
 """Swings in a period of a motion that is as fast as those which follow: runs would have to resolve it."""
 _APART = 3e-4
 """How far a state is moved, over the size of the scene, or over one where that is larger."""
+_WOUND = 1e-3
+"""Part of the force of a spring or servo from which it is other after a period, as motions nearly close."""
+_SEEN = 8
+"""Times in a period at which it is asked whether what is small stays so."""
+_GROWN, _LEAST = 30.0, 1e-9
+"""How much more of others a number may make before it is moved by less, and by how much less at most."""
 _FADED = 0.05
 """Part of the largest number after a period below which nothing need follow it."""
 
@@ -152,24 +159,56 @@ class NextTo:
         q, v = system.project(np.array([self.about.t]), *system.state(x, u, self.q[None]))
         return q[0], v[0]
 
-    def _end(self, q: Array, v: Array) -> Array:
-        """Return where a state leads in a period, coordinates and their rates (2, n_x)."""
-        t = self.about.t
-        q, v = after(self.about.scene, t + self.period, start=(t, q, v))
-        x, u = self.system.absolute(q[None]), self.system.absolute_velocity(q[None], v[None])
-        return np.concatenate([x, u])
+    def _path(self, q: Array, v: Array) -> Array:
+        """Return where a state leads within a period and after it, coordinates and rates (k, 2, n_x)."""
+        system, t = self.system, self.about.t
+        trajectory = run_until(self.about.scene, t + self.period, start=(t, q, v))
+        times = t + self.period * np.linspace(0.0, 1.0, _SEEN + 1)[1:]
+        q, v = (
+            np.concatenate([one[:-1], end[None]])
+            for one, end in zip(trajectory.at(times), (trajectory.q, trajectory.v), strict=True)
+        )
+        q, v = system.project(times, q, v)
+        return np.stack([system.absolute(q), system.absolute_velocity(q, v)], axis=1)
 
     def _between(self, end: Array, begin: Array) -> Array:
-        """Return changes of free coordinates and rates, full turns left out."""
+        """Return changes of free coordinates and rates (..., 2, n_z), full turns left out."""
         change, bodies = end - begin, self.about.scene.bodies.values()
         angles = [body.angle_column for body in bodies if body.angle_column is not None]
-        change[0, angles] -= 2.0 * np.pi * np.round(change[0, angles] / (2.0 * np.pi))
-        return self.system.reduction.free_rates(change)
+        change[..., 0, angles] -= 2.0 * np.pi * np.round(change[..., 0, angles] / (2.0 * np.pi))
+        free = self.system.reduction.free_rates(change.reshape(-1, change.shape[-1]))
+        return free.reshape(*change.shape[:-1], -1)
+
+    @cached_property
+    def _after(self) -> Array:
+        """Where the state leads, (2, n_x)."""
+        return np.asarray(self._path(self.q, self.v)[-1])
 
     @cached_property
     def _led(self) -> Array:
         """What a period changes, of free coordinates and rates (2, n_z)."""
-        return self._between(self._end(self.q, self.v), np.stack([self.motions.x, self.motions.u]))
+        return self._between(self._after, np.stack([self.motions.x, self.motions.u]))
+
+    def changed(self, times: Array) -> float:
+        """Return what acts a period after some times, less what acts at these, over its size.
+
+        Of what follows angles that is its force where the motion has come to, by `_WOUND`.
+        """
+        system, (t, T) = self.system, (self.about.t, self.period)
+        x, u = (np.repeat(one[None], len(times), axis=0) for one in (self.motions.x, self.motions.u))
+        loads = replace(system, forces=tuple(one for one in system.forces if not isinstance(one, Tie)))
+        every = [loads.force, lambda at, *_: system.equations.phi.rate(at)]
+        found = [(of(times, x, u), of(times + T, x, u)) for of in every]
+        whole = float(np.abs(system.force(times[:1], x[:1], u[:1])).max(initial=0.0))
+        whole = max(whole, self.about.mass * self.about.size / T**2)
+        sizes = [whole, 0.0]
+        parts = [_change(*pair, size) for pair, size in zip(found, sizes, strict=True)]
+        for tie in (one for one in system.forces if isinstance(one, Tie)):
+            own = replace(system, forces=(tie,))
+            before = own.force(np.array([t]), x[:1], u[:1])
+            wound = _change(before, own.force(np.array([t + T]), *self._after[:, None]), 1e-3 * whole)
+            parts.append(wound if wound > _WOUND else 0.0)
+        return max(parts)
 
     @cached_property
     def gap(self) -> tuple[Array, float]:
@@ -199,13 +238,40 @@ class NextTo:
             raise np.linalg.LinAlgError("too far")
         return self.of(self.about.scene, q, v, self.about.t, self.period, self.most)
 
-    def becomes(self, by: Array) -> Array:
-        """Return what comes of moving by small numbers (2 r,), after a period, (2, n_z)."""
-        ends = [self._end(*self.moved(one)) for one in (by, -by)]
+    def _becomes(self, by: Array) -> Array:
+        """Return what comes of moving by small numbers (2 r,) within a period and after it, (k, 2, n_z)."""
+        ends = [self._path(*self.moved(one)) for one in (by, -by)]
         return 0.5 * self._between(*ends)
+
+    def become(self, vector: Array, share: float = 1.0) -> Array:
+        """Return what becomes of numbers (2 r,) in a period, (2, n_z), by small ones: a share of `steps`.
+
+        Raises
+        ------
+        ModesError
+            If none are so small that they stay so.
+        """
+        size = share * float((self.steps / np.maximum(np.abs(vector), 1e-300)).min())
+        least = _LEAST * size
+        while size > least:
+            found = self._becomes(size * vector)
+            grown = max(float((np.abs(self.numbers(one)) / self.steps).max()) for one in found)
+            if grown <= _GROWN:
+                return np.asarray(found[-1] / size)
+            size /= grown if grown < np.inf else _GROWN
+        raise ModesError(
+            f"what is small grows by more than {1.0 / _LEAST:.0g} in a period of {self.period:.6g} s from "
+            f"{self.about.t:.6g} s on: too much to be followed"
+        )
 
     def followed(self, becoming: Array) -> NextTo:
         """Return the same with fast motions as they follow each number, by what becomes of these."""
         monodromy = self.numbers(becoming)
         rest = becoming - self._changes @ monodromy
         return replace(self, following=rest @ np.linalg.pinv(monodromy, rcond=_FADED))
+
+
+def _change(before: Array, later: Array, size: float) -> float:
+    """Return the largest change, over the largest value of both or a size, if there is any."""
+    largest = max(size, *(float(np.abs(one).max(initial=0.0)) for one in (before, later)))
+    return float(np.abs(later - before).max(initial=0.0)) / largest if largest else 0.0

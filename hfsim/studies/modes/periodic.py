@@ -9,11 +9,13 @@ fast goes on from where it has come to (Newton-Picard method of Lust and Roose).
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
-from hfsim.errors import ArgumentError
+from hfsim.errors import ArgumentError, DeckError
 from hfsim.marching.stop import Progress, nobody
 from hfsim.maths.arrays import Array, ComplexArray, IntArray
 from hfsim.scene.build import build
@@ -31,9 +33,13 @@ _MOST, _HALVES = 20, 6
 """Iterations, and how often a step is halved in one."""
 _FREE = 1e-6
 """What a period changes of numbers, relative, that is nothing."""
-_FLOOR, _SURE, _FADED = 1e-9, 1.0, 10.0
-"""Least error of the monodromy; factor on what a multiplier changes by where its own motion is followed; size
-of one, over its error, up to which it is not known."""
+_FLOOR, _ERROR, _ROOTS = 1e-9, 1e-7, 10.0
+"""Least error of the monodromy over its size, that of differences, and factor on what its root does."""
+_SURE, _FADED, _FAINT = 2.0, 10.0, 0.1
+"""Factor on what a multiplier changes by where its own motion is followed; size of one, over its error, up to
+which it is not known; size up to which one that is not known has faded."""
+_TIMES = 8
+"""Times in a period at which it is asked whether the same acts a period later."""
 
 
 def periodic(
@@ -62,20 +68,34 @@ def periodic(
     check_count(count)
     if not 0.0 < period < np.inf:
         raise ArgumentError(f"{period:g} s is no period: it must be greater than zero")
-    begin = at or 0.0
+    begin, further = at or 0.0, True
+    try:
+        deck = loaded.until(begin + 2.0 * period)
+    except DeckError:  # what acts is not known to be the same
+        deck, further = loaded.until(begin + period), False
     solve = {"tolerance": _TOLERANCE, "step": None, "max_steps": None}
-    scene = build(loaded.until(begin + period).with_solve({"duration": begin + period, **solve}))
-    q, v = after(build(loaded.until(begin)), begin, progress) if at else (scene.q, scene.v)
-    start = NextTo.of(scene, q, v, begin, period, max(FEW, 2 * count))
-    return _modes(*_closed(start, progress or nobody), count)
+    scene = build(deck.with_solve({"duration": begin + period, **solve}))
+    q, v = scene.q, scene.v
+    if at:
+        if any(part.events for part in scene.system.forces):
+            raise ModesError("latches and springs that let go begin anew: --period goes without --at here")
+        own = loaded.deck.solve.model_copy(update={"duration": begin})
+        q, v = after(scene, begin, progress, solve=own)
+    near = NextTo.of(scene, q, v, begin, period, max(FEW, 2 * count))
+    if not near.motions.pencil.free:
+        return Modes(near.about, (), True, True)
+    near, monodromy, before = _closed(near, progress or nobody)
+    times = begin + period * np.linspace(0.0, 1.0, _TIMES if further else 1, endpoint=False)
+    near = replace(near, about=replace(near.about, changed=near.changed(times)))
+    return _modes(near, monodromy, before, count)
 
 
 def _becoming(near: NextTo, progress: Progress) -> Array:
     """Return what becomes of each number in a period, (2, n_z, 2 r)."""
     found = []
-    for k, by in enumerate(np.diag(near.steps)):
-        found.append(near.becomes(by) / near.steps[k])
-        progress((k + 1) / len(near.steps))
+    for k, vector in enumerate(np.eye(2 * near.number)):
+        found.append(near.become(vector))
+        progress((k + 1) / (2 * near.number))
     return np.stack(found, axis=-1)
 
 
@@ -123,57 +143,88 @@ def _nothing(near: NextTo, iterations: int) -> ModesError:
     return ModesError(
         f"no motion of period {near.period:.6g} s was found next to {where}: after {iterations} iterations "
         f"one is still {near.gap[1] * about.size:.3g} m from where it began (mean square by mass, rates "
-        "counted too); is that the period of all laws and drivers? --at T begins at the state of a run"
+        "counted too); is that the period of all laws and drivers? --at T begins at the state of a run, "
+        "--count has more motions move, and damping ends what the start sets off"
     )
 
 
 def _modes(near: NextTo, monodromy: Array, before: Array, count: int) -> Modes:
     """Return the modes that multipliers are of."""
-    found = sorted(_exponents(near, monodromy, before, count), key=lambda one: (abs(one[0]), -one[0].real))
+    some = _multipliers(near, monodromy, before, count)
+    found = sorted(_exponents(some, near.period), key=lambda one: (abs(one[0]), -one[0].real))
     modes = []
     for number, (value, uncertainty, doubled, vector) in enumerate(found, 1):
         kind, change = kind_of(value, doubled), near.displacements @ vector
         modes.append(Mode(number, kind, value, uncertainty, change, near.about))
-    return Modes(near.about, tuple(modes), True, near.all)
+    return Modes(near.about, tuple(modes), some.complete, near.all and some.complete)
+
+
+class _Multipliers(NamedTuple):
+    """Multipliers that are told, (k,).
+
+    Attributes
+    ----------
+    off : ndarray, shape (k,)
+        Their errors.
+    vectors : ndarray of complex, shape (r, k)
+        Displacements.
+    complete : bool
+        Whether all that do not fade are known.
+    """
+
+    values: ComplexArray
+    off: Array
+    vectors: ComplexArray
+    complete: bool
+
+
+def _multipliers(near: NextTo, monodromy: Array, before: Array, count: int) -> _Multipliers:
+    """Return the slowest multipliers and those that grow."""
+    values, vectors = (one.astype(complex) for one in np.linalg.eig(monodromy))
+    left, size = np.linalg.pinv(vectors), max(1.0, float(np.abs(monodromy).max()))
+    # of two that are one with one motion, as of what goes on by itself, an error moves each by its root
+    most = _ROOTS * np.sqrt(_ERROR) * size
+    off = np.minimum(_FLOOR * size * np.linalg.norm(left, axis=1), most)
+    off += np.abs(values[:, None] - np.linalg.eigvals(before)).min(axis=1)
+    told = _told(values, off, count)
+    for k in told:
+        missing = left[k] @ (_becomes(near, vectors[:, k]) - values[k] * vectors[:, k])
+        values[k] += missing if abs(missing) <= most else 0.0
+        off[k] += _SURE * abs(missing)
+    sizes, errors = np.abs(values[told]), off[told]
+    known = sizes > _FADED * errors
+    kept = told[known & ((np.arange(len(told)) < count) | (sizes > 1.0 + errors))]
+    complete = bool((known | (sizes < _FAINT)).all())
+    return _Multipliers(values[kept], off[kept], vectors[: near.number, kept], complete)
 
 
 def _exponents(
-    near: NextTo, monodromy: Array, before: Array, count: int
+    found: _Multipliers, period: float
 ) -> Iterator[tuple[complex, float, bool, ComplexArray]]:
     """Yield values [1/s], their uncertainties, whether they count twice, and displacements (r,)."""
-    r, period = near.number, near.period
-    multipliers, vectors = (one.astype(complex) for one in np.linalg.eig(monodromy))
-    left = np.linalg.inv(vectors)
-    off = _FLOOR * np.linalg.norm(left, axis=1) * np.linalg.norm(vectors, axis=0)
-    off += np.abs(multipliers[:, None] - np.linalg.eigvals(before)).min(axis=1)
-    told = _told(multipliers, off, count)
-    for k in told:
-        missing = left[k] @ (_becomes(near, vectors[:, k], multipliers[k]) - multipliers[k] * vectors[:, k])
-        multipliers[k], off[k] = multipliers[k] + missing, off[k] + _SURE * abs(missing)
-    size = np.abs(multipliers[told])
-    told = told[(size > _FADED * off[told]) & ((np.arange(len(told)) < count) | (size > 1.0 + off[told]))]
-    still = told[np.abs(multipliers[told] - 1.0) <= off[told]]
-    often = len(still) + int(np.sum(multipliers[still].imag > 0.0))
-    yield from _free(vectors[:r, still], often, float(off[still].max(initial=0.0)) / period)
-    for k in np.setdiff1d(told, still):
-        uncertainty = float(off[k] / np.abs(multipliers[k])) / period
-        value = complex(np.log(multipliers[k])) / period
+    still = np.abs(found.values - 1.0) <= found.off
+    often = int(np.sum(1 + (found.values[still].imag > 0.0)))
+    yield from _free(found.vectors[:, still], often, float(found.off[still].max(initial=0.0)) / period)
+    for k in np.flatnonzero(~still):
+        multiplier = complex(found.values[k])
+        value, uncertainty = complex(np.log(multiplier)) / period, float(found.off[k]) / period
+        uncertainty /= abs(multiplier)
         parts = (one if abs(one) > uncertainty else 0.0 for one in (value.real, value.imag))
-        yield complex(*parts), uncertainty, False, vectors[:r, k]
+        yield complex(*parts), uncertainty, False, found.vectors[:, k]
 
 
 def _told(multipliers: ComplexArray, off: Array, count: int) -> IntArray:
     """Return which multipliers are known, of the slowest motions and of what may grow; of a pair one."""
-    known = np.flatnonzero((np.abs(multipliers) > _FADED * off) & (multipliers.imag >= 0.0))
+    size = np.abs(multipliers)
+    known = np.flatnonzero(((size > _FADED * off) | (size > 1.0)) & (multipliers.imag >= 0.0))
     order = known[np.argsort(np.abs(np.log(multipliers[known])), kind="stable")]
     return order[(np.arange(len(order)) < count) | (np.abs(multipliers[order]) > 1.0 + off[order])]
 
 
-def _becomes(near: NextTo, vector: ComplexArray, multiplier: complex) -> ComplexArray:
-    """Return what becomes of a vector of numbers in a period, by one so small that it stays so."""
-    small = 0.5 * float((near.steps / np.maximum(np.abs(vector), 1e-300)).min()) / max(1.0, abs(multiplier))
+def _becomes(near: NextTo, vector: ComplexArray) -> ComplexArray:
+    """Return what becomes of a vector of numbers in a period, by half as large ones."""
     parts = [vector.real, vector.imag] if np.any(vector.imag) else [vector.real]
-    found = [near.numbers(near.becomes(small * part)) / small for part in parts]
+    found = [near.numbers(near.become(part, 0.5)) for part in parts]
     return np.asarray(found[0] + 1j * (found[1] if len(found) > 1 else 0.0))
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from hfsim.errors import HfsimError
+from hfsim.integrators import Trajectory
 from hfsim.marching.integration import run_integration
 from hfsim.marching.steps import State
 from hfsim.marching.stop import Progress
@@ -20,11 +21,11 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.mechanics.small_motions import SmallMotions, small_motions
 from hfsim.mechanics.system import System
-from hfsim.mechanics.ties import Tie
 from hfsim.mechanics.turning import NOISE, Turning
 from hfsim.scene.build import Scene
 from hfsim.scene.equilibrium import standing
 from hfsim.scene.rules import welded
+from hfsim.scene.schema import SolveSpec
 
 LASTING = ("equilibrium", "steady")
 """States that are to last, in which laws of joints stand."""
@@ -60,6 +61,8 @@ class About:
         Of loads and drivers [s].
     period : float or None
         Of the motion that begins in the state, if it is periodic [s].
+    changed : float
+        What acts after that, less what did before, over its size [-].
     """
 
     scene: Scene
@@ -67,6 +70,7 @@ class About:
     t: float
     motions: SmallMotions
     period: float | None = None
+    changed: float = 0.0
 
     @cached_property
     def system(self) -> System:
@@ -144,11 +148,10 @@ class About:
     def unevenness(self) -> float:
         """How much else accelerations are after a turn by one radian, over those of the rotation [-].
 
-        Loads and drivers act as they do at the time of the state; of a periodic motion it is what they change
-        in a period.
+        Loads and drivers act as they do at the time of the state; of a periodic motion it is `changed`.
         """
         if self.period is not None:
-            return self._change_in_a_period(self.period)
+            return self.changed
         if self.turning is None:
             return 0.0
         system, turning = self.system, self.turning
@@ -163,22 +166,6 @@ class About:
         # in the axes, what there is of other accelerations turns with them
         change = abs(self.mean(after) - self.mean(before))
         return 0.0 if change <= self._rounding else change / size
-
-    def _change_in_a_period(self, period: float) -> float:
-        """Return what loads, drivers and with them accelerations change by in a period, over their size.
-
-        What follows angles is left out: its targets go on by full turns.
-        """
-        system, times = self.scene.system, self.t + np.array([0.0, period])
-        x, u = (np.repeat(one[None], 2, axis=0) for one in (self.motions.x, self.motions.u))
-        loads = replace(system, forces=tuple(one for one in system.forces if not isinstance(one, Tie)))
-        acting = loads.force(times, x, u)
-        forces = system.force(times[:1], x[:1], u[:1]) + acting - acting[:1]
-        free, _ = system.equations.solve(times, x, u, forces)
-        change = self.mean(system.reduction.expand_rates(free[1:] - free[:1])[0])
-        own = self.mean(self.motions.a) + self.mean(self.motions.u) / period or self.size / period**2
-        pushed = float(np.linalg.norm(forces[1] - forces[0]) / (np.linalg.norm(forces[0]) or self.mass * own))
-        return max(change / own, pushed)
 
     @property
     def _rounding(self) -> float:
@@ -230,9 +217,22 @@ class About:
 
 
 def after(
-    scene: Scene, at: float, progress: Progress | None = None, start: State | None = None
+    scene: Scene, at: float, progress: Progress | None = None, solve: SolveSpec | None = None
 ) -> tuple[Array, Array]:
-    """Return coordinates and rates (n,) to which a run leads until a time, from a state (t, q, v).
+    """Return coordinates and rates (n,) to which a run leads until a time, moved onto the joints."""
+    trajectory = run_until(scene, at, progress, solve=solve)
+    q, v = scene.system.project(np.array([at]), trajectory.q[None], trajectory.v[None])
+    return q[0], v[0]
+
+
+def run_until(
+    scene: Scene,
+    at: float,
+    progress: Progress | None = None,
+    start: State | None = None,
+    solve: SolveSpec | None = None,
+) -> Trajectory:
+    """Return a run until a time, from a state (t, q, v) or the scene's start.
 
     Raises
     ------
@@ -241,7 +241,7 @@ def after(
     KeyboardInterrupt
         If a signal ends it.
     """
-    done = run_integration(scene, scene.deck.solve, progress, start)
+    done = run_integration(scene, solve or scene.deck.solve, progress, start)
     trajectory = done.trajectory
     if isinstance(done.stop, KeyboardInterrupt):
         raise done.stop
@@ -249,8 +249,7 @@ def after(
         early = ModesError(f"the run ends at {trajectory.t_end:.4g} s: {done.stop}")
         early.exit_code = getattr(done.stop, "exit_code", early.exit_code)
         raise early
-    q, v = scene.system.project(np.array([at]), trajectory.q[None], trajectory.v[None])
-    return q[0], v[0]
+    return trajectory
 
 
 def linearised(
