@@ -18,7 +18,7 @@ import numpy as np
 from hfsim.errors import ArgumentError, DeckError
 from hfsim.marching.stop import Progress, nobody
 from hfsim.maths.arrays import Array, ComplexArray, IntArray
-from hfsim.scene.build import build
+from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.modes.found import Mode, Modes, check_count, kind_of
 from hfsim.studies.modes.next_to import NextTo
@@ -26,7 +26,8 @@ from hfsim.studies.modes.state import ModesError, after
 
 FEW = 24
 """Motions up to which all slow ones are looked at."""
-_TOLERANCE = 1e-11
+_SOLVE = {"tolerance": 1e-11, "step": None, "max_steps": None}
+"""How runs over a period are solved."""
 _CLOSED, _CLOSED_NEARLY = 1e-8, 1e-6
 """Distance after a period, over the size, that is none; the same where iterations come no nearer."""
 _MOST, _HALVES = 20, 6
@@ -68,26 +69,28 @@ def periodic(
     check_count(count)
     if not 0.0 < period < np.inf:
         raise ArgumentError(f"{period:g} s is no period: it must be greater than zero")
-    begin, further = at or 0.0, True
+    begin, times = at or 0.0, period * np.linspace(0.0, 1.0, _TIMES, endpoint=False)
     try:
         deck = loaded.until(begin + 2.0 * period)
-    except DeckError:  # what acts is not known to be the same
-        deck, further = loaded.until(begin + period), False
-    solve = {"tolerance": _TOLERANCE, "step": None, "max_steps": None}
-    scene = build(deck.with_solve({"duration": begin + period, **solve}))
-    q, v = scene.q, scene.v
-    if at:
-        if any(part.events for part in scene.system.forces):
-            raise ModesError("latches and springs that let go begin anew: --period goes without --at here")
-        own = loaded.deck.solve.model_copy(update={"duration": begin})
-        q, v = after(scene, begin, progress, solve=own)
+    except DeckError:  # of what has no value so late nothing is known but at the ends
+        deck, times = loaded.until(begin + period), times[:1]
+    scene = build(deck.with_solve({"duration": begin + period, **_SOLVE}))
+    q, v = _run_before(scene, loaded, begin, progress) if at else (scene.q, scene.v)
     near = NextTo.of(scene, q, v, begin, period, max(FEW, 2 * count))
     if not near.motions.pencil.free:
         return Modes(near.about, (), True, True)
     near, monodromy, before = _closed(near, progress or nobody)
-    times = begin + period * np.linspace(0.0, 1.0, _TIMES if further else 1, endpoint=False)
-    near = replace(near, about=replace(near.about, changed=near.changed(times)))
-    return _modes(near, monodromy, before, count)
+    changed = replace(near.about, changed=near.changed(begin + times))
+    return _modes(replace(near, about=changed), monodromy, before, count)
+
+
+def _run_before(
+    scene: Scene, loaded: LoadedDeck, begin: float, progress: Progress | None
+) -> tuple[Array, Array]:
+    """Return the state (q, v) of a run at a time, solved as the deck says; the scene knows its turns then."""
+    if any(part.events for part in scene.system.forces):
+        raise ModesError("latches and springs that let go begin anew: --period goes without --at here")
+    return after(scene, begin, progress, loaded.deck.solve.model_copy(update={"duration": begin}))
 
 
 def _becoming(near: NextTo, progress: Progress) -> Array:
