@@ -171,6 +171,11 @@ class NextTo:
         q, v = system.project(times, q, v)
         return np.stack([system.absolute(q), system.absolute_velocity(q, v)], axis=1)
 
+    def _absolute(self, q: Array, v: Array) -> Array:
+        """Return coordinates and their rates (2, n_x) of a state."""
+        own = q[None], v[None]
+        return np.concatenate([self.system.absolute(own[0]), self.system.absolute_velocity(*own)])
+
     def _between(self, end: Array, begin: Array) -> Array:
         """Return changes of free coordinates and rates (..., 2, n_z), full turns left out."""
         change, bodies = end - begin, self.about.scene.bodies.values()
@@ -231,12 +236,16 @@ class NextTo:
         numpy.linalg.LinAlgError
             If that is too far for the scene.
         """
-        rest = self._led - self._changes @ self.gap[0] if settled else None
         with np.errstate(all="ignore"):
-            q, v = self.moved(step, rest)
+            q, v = self.moved(step, self._settling if settled else None)
         if not are_finite(q, v):
             raise np.linalg.LinAlgError("too far")
         return self.of(self.about.scene, q, v, self.about.t, self.period, self.most)
+
+    @cached_property
+    def _settling(self) -> Array:
+        """What a period changes of fast motions (2, n_z): all but moving the state by the gap."""
+        return self._between(self._after, self._absolute(*self.moved(self.gap[0])))
 
     def _becomes(self, by: Array) -> Array:
         """Return what comes of moving by small numbers (2 r,) within a period and after it, (k, 2, n_z)."""
