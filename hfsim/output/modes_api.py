@@ -66,7 +66,7 @@ def modes(
     callback(progress=progress)
     loaded = without_refused_channels(load(deck, changes).with_numbers())
     if period is not None:
-        check_state(about, at if about == "start" else period)
+        check_state(about, at, period)
         return periodic(loaded, period, count, at, progress)
     return modes_of(state_of(loaded, about, at, progress), count)
 

@@ -333,6 +333,7 @@ def test_a_rotor_that_nothing_drives_does_not_grow(rate):
     deck["initial"]["hub"] = {"angular_velocity": rate}
     found = hfsim.modes(deck, period=2.0 * np.pi / rate)
     assert [mode.kind for mode in found] == ["rigid", *4 * ["vibration"]] and found.complete
+    assert len(hfsim.modes(deck, period=2.0 * np.pi / rate, count=3)) == 3
 
 
 def test_what_grows_fast_is_moved_by_little():

@@ -140,22 +140,27 @@ def lowest(problem: Problem, state: State, load: float) -> tuple[Array, Array]:
         blur = abs(_symmetric(problem.tangent(beside, load).stiffness, False) - K)
         blur = blur + rounding_of_joints(system, problem.expand(here.z), here.multipliers)
     pencil = Pencil(M, 0.0 * M, K, J, precision, 0.0, blur)
-    squares, motions = slowest_squares(pencil, NEAREST)
-    resisting = None if is_symmetric(K, bool(system.variable_mass)) else resistance_at(problem, here, load)
-    if resisting is None:
-        values = np.where(squares.imag == 0.0, squares.real, -(np.sqrt(squares).imag ** 2))
-    else:  # it may end what swings and grows, and may let grow what would not
-        found = eigenpairs(replace(pencil, velocity=resisting), NEAREST)
-        kept = (squares.imag != 0.0) | (squares.real >= 0.0)
-        grows = (found.values.imag >= 0.0) & (found.values.real > found.uncertainty)
-        times = np.where(found.values.imag > 0.0, 2, 1)[grows]
-        values = np.concatenate([np.abs(squares[kept]), np.repeat(-(found.values.real[grows] ** 2), times)])
-        motions = np.hstack([motions[:, kept], np.repeat(found.vectors.real[:, grows], times, axis=1)])
+    resisting = None if is_symmetric(K, bool(system.variable_mass)) else _resistance(problem, here, load)
+    values, motions = _resisted(pencil, resisting)
     order = np.argsort(values)
     return values[order], motions.T[order]
 
 
-def resistance_at(problem: Problem, state: State, load: float) -> Matrix | None:
+def _resisted(pencil: Pencil, resisting: Matrix | None) -> tuple[Array, Array]:
+    """Return values as `lowest` does, and motions (n, k), of what some matrix resists, if any does."""
+    squares, motions = slowest_squares(pencil, NEAREST)
+    if resisting is None:
+        return np.where(squares.imag == 0.0, squares.real, -(np.sqrt(squares).imag ** 2)), motions
+    # it may end what swings and grows, and may let grow what would not
+    found = eigenpairs(replace(pencil, velocity=resisting), NEAREST)
+    kept = (squares.imag != 0.0) | (squares.real >= 0.0)
+    grows = (found.values.imag >= 0.0) & (found.values.real > found.uncertainty)
+    times = np.where(found.values.imag > 0.0, 2, 1)[grows]
+    values = np.concatenate([np.abs(squares[kept]), np.repeat(-(found.values.real[grows] ** 2), times)])
+    return values, np.hstack([motions[:, kept], np.repeat(found.vectors.real[:, grows], times, axis=1)])
+
+
+def _resistance(problem: Problem, state: State, load: float) -> Matrix | None:
     """Return minus the derivative of the forces by the rates at rest, (n, n); None where nothing resists."""
     system, x = problem.system, problem.expand(state.z)
     if problem.turning is not None:

@@ -57,12 +57,14 @@ def about(
     return found if state != "steady" else turning_at(found, None)
 
 
-def check_state(state: str, at: float | None) -> None:
+def check_state(state: str, at: float | None, period: float | None = None) -> None:
     """Refuse what names no one state."""
     if state not in STATES:
         raise ArgumentError(f"there is no state '{state}': {did_you_mean(state, STATES)}")
     if at is not None and state != STATES[0]:
         raise ArgumentError(f"about {state} and at {at:g} s are two states; one of them can be told")
+    if period is not None and state != STATES[0]:
+        raise ArgumentError(f"about {state} and a period are two states; one of them can be told")
     if at is not None and not 0.0 <= at < np.inf:
         raise ArgumentError(f"at {at:g} s there is no state: a run begins at 0 s")
 

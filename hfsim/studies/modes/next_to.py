@@ -6,15 +6,15 @@ rates, over the rates of motions.  Faster motions follow these.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, are_finite
-from hfsim.maths.matrices import dense
 from hfsim.maths.squares import squares_of
+from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.small_motions import SmallMotions
 from hfsim.mechanics.system import System
 from hfsim.mechanics.ties import Tie
@@ -55,7 +55,7 @@ class NextTo:
     q: Array
     v: Array
     most: int
-    following: Array | None = field(default=None)
+    following: Array | None = None
 
     @classmethod
     def of(cls, scene: Scene, q: Array, v: Array, t: float, period: float, most: int) -> NextTo:
@@ -131,10 +131,14 @@ class NextTo:
         largest = np.abs(self.displacements).max(axis=0) * self._rates * self.period
         return np.tile(_APART * min(1.0, self.about.size) / largest, 2)
 
+    @cached_property
+    def _read(self) -> Array:
+        """The matrix (r, n_z) that reads displacements along motions off changes."""
+        return np.asarray((self.motions.pencil.mass @ self._slowest[1]).T)
+
     def numbers(self, change: Array) -> Array:
         """Return the numbers (2 r, ...) of changes of free coordinates and rates (2, n_z, ...)."""
-        read = self._slowest[1].T @ dense(self.motions.pencil.mass)
-        return np.concatenate([read @ change[0], ((read @ change[1]).T / self._rates).T])
+        return np.concatenate([self._read @ change[0], ((self._read @ change[1]).T / self._rates).T])
 
     def moved(self, by: Array, first: Array | None = None) -> tuple[Array, Array]:
         """Return the state (q, v) that is moved by numbers (2 r,); what turns keeps its length.
@@ -164,10 +168,8 @@ class NextTo:
         system, t = self.system, self.about.t
         trajectory = run_until(self.about.scene, t + self.period, start=(t, q, v))
         times = t + self.period * np.linspace(0.0, 1.0, _SEEN + 1)[1:]
-        q, v = (
-            np.concatenate([one[:-1], end[None]])
-            for one, end in zip(trajectory.at(times), (trajectory.q, trajectory.v), strict=True)
-        )
+        q, v = trajectory.at(times)
+        q[-1], v[-1] = trajectory.q, trajectory.v  # known to more digits than is read
         q, v = system.project(times, q, v)
         return np.stack([system.absolute(q), system.absolute_velocity(q, v)], axis=1)
 
@@ -195,25 +197,31 @@ class NextTo:
         return self._between(self._after, np.stack([self.motions.x, self.motions.u]))
 
     def changed(self, times: Array) -> float:
-        """Return what acts a period after some times, less what acts at these, over its size.
-
-        Of what follows angles that is its force where the motion has come to, by `_WOUND`.
-        """
-        system, (t, T) = self.system, (self.about.t, self.period)
+        """Return what acts a period after some times, less what acts at these, over its size."""
         x, u = (np.repeat(one[None], len(times), axis=0) for one in (self.motions.x, self.motions.u))
-        loads = replace(system, forces=tuple(one for one in system.forces if not isinstance(one, Tie)))
-        every = [loads.force, lambda at, *_: system.equations.phi.rate(at)]
-        found = [(of(times, x, u), of(times + T, x, u)) for of in every]
-        whole = float(np.abs(system.force(times[:1], x[:1], u[:1])).max(initial=0.0))
-        whole = max(whole, self.about.mass * self.about.size / T**2)
-        sizes = [whole, 0.0]
-        parts = [_change(*pair, size) for pair, size in zip(found, sizes, strict=True)]
-        for tie in (one for one in system.forces if isinstance(one, Tie)):
-            own = replace(system, forces=(tie,))
-            before = own.force(np.array([t]), x[:1], u[:1])
-            wound = _change(before, own.force(np.array([t + T]), *self._after[:, None]), 1e-3 * whole)
-            parts.append(wound if wound > _WOUND else 0.0)
-        return max(parts)
+        loads = self._forces([one for one in self.system.forces if not isinstance(one, Tie)])
+        rate, later = self.system.equations.phi.rate, times + self.period
+        pushed = _change(loads.force(times, x, u), loads.force(later, x, u), self._force)
+        return max(pushed, _change(rate(times), rate(later), 0.0), self._wound())
+
+    def _wound(self) -> float:
+        """Return by how much what follows angles is other where the motion has come to, from `_WOUND` on."""
+        t, x, u = np.array([self.about.t]), self.motions.x[None], self.motions.u[None]
+        ties = [self._forces([one]) for one in self.system.forces if isinstance(one, Tie)]
+        ends = ((one.force(t, x, u), one.force(t + self.period, *self._after[:, None])) for one in ties)
+        most = max((_change(*pair, 1e-3 * self._force) for pair in ends), default=0.0)
+        return most if most > _WOUND else 0.0
+
+    def _forces(self, parts: list[ForcePart]) -> System:
+        """Return the system with some of its forces."""
+        return replace(self.system, forces=tuple(parts))
+
+    @cached_property
+    def _force(self) -> float:
+        """What forces are measured by [N]: the largest, or what moves everything by its size in a period."""
+        t, x, u = np.array([self.about.t]), self.motions.x[None], self.motions.u[None]
+        largest = float(np.abs(self.system.force(t, x, u)).max(initial=0.0))
+        return max(largest, self.about.mass * self.about.size / self.period**2)
 
     @cached_property
     def gap(self) -> tuple[Array, float]:

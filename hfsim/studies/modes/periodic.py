@@ -75,17 +75,20 @@ def periodic(
     except DeckError:  # of what has no value so late nothing is known but at the ends
         deck, times = loaded.until(begin + period), times[:1]
     scene = build(deck.with_solve({"duration": begin + period, **_SOLVE}))
-    q, v = _run_before(scene, loaded, begin, progress) if at else (scene.q, scene.v)
+    tell, q, v = progress or nobody, scene.q, scene.v
+    if at:
+        q, v = _run_before(scene, loaded, begin, _part(tell, 0))
+        tell = _part(tell, 1)
     near = NextTo.of(scene, q, v, begin, period, max(FEW, 2 * count))
     if not near.motions.pencil.free:
         return Modes(near.about, (), True, True)
-    near, monodromy, before = _closed(near, progress or nobody)
+    near, monodromy, before = _closed(near, tell)
     changed = replace(near.about, changed=near.changed(begin + times))
     return _modes(replace(near, about=changed), monodromy, before, count)
 
 
 def _run_before(
-    scene: Scene, loaded: LoadedDeck, begin: float, progress: Progress | None
+    scene: Scene, loaded: LoadedDeck, begin: float, progress: Progress
 ) -> tuple[Array, Array]:
     """Return the state (q, v) of a run at a time, solved as the deck says; the scene knows its turns then."""
     if any(part.events for part in scene.system.forces):
@@ -157,8 +160,9 @@ def _modes(near: NextTo, monodromy: Array, before: Array, count: int) -> Modes:
     found = sorted(_exponents(some, near.period), key=lambda one: (abs(one[0]), -one[0].real))
     modes = []
     for number, (value, uncertainty, doubled, vector) in enumerate(found, 1):
-        kind, change = kind_of(value, doubled), near.displacements @ vector
-        modes.append(Mode(number, kind, value, uncertainty, change, near.about))
+        if number <= count or value.real > 0.0:
+            kind, change = kind_of(value, doubled), near.displacements @ vector
+            modes.append(Mode(number, kind, value, uncertainty, change, near.about))
     return Modes(near.about, tuple(modes), some.complete, near.all and some.complete)
 
 
@@ -189,14 +193,14 @@ def _multipliers(near: NextTo, monodromy: Array, before: Array, count: int) -> _
     most = _ROOTS * np.sqrt(_ERROR) * size
     off = np.minimum(_FLOOR * size * np.linalg.norm(left, axis=1), most)
     off += np.abs(values[:, None] - np.linalg.eigvals(before)).min(axis=1)
-    told = _told(values, off, count)
+    told, slow = _told(values, off, count, most)
     for k in told:
         missing = left[k] @ (_becomes(near, vectors[:, k]) - values[k] * vectors[:, k])
         values[k] += missing if abs(missing) <= most else 0.0
         off[k] += _SURE * abs(missing)
     sizes, errors = np.abs(values[told]), off[told]
     known = sizes > _FADED * errors
-    kept = told[known & ((np.arange(len(told)) < count) | (sizes > 1.0 + errors))]
+    kept = told[known & ((np.arange(len(told)) < slow) | (sizes > 1.0 + errors))]
     complete = bool((known | (sizes < _FAINT)).all())
     return _Multipliers(values[kept], off[kept], vectors[: near.number, kept], complete)
 
@@ -216,12 +220,18 @@ def _exponents(
         yield complex(*parts), uncertainty, False, found.vectors[:, k]
 
 
-def _told(multipliers: ComplexArray, off: Array, count: int) -> IntArray:
-    """Return which multipliers are known, of the slowest motions and of what may grow; of a pair one."""
+def _told(multipliers: ComplexArray, off: Array, count: int, free: float) -> tuple[IntArray, int]:
+    """Return which multipliers are known, of the slowest motions and of what may grow; of a pair one.
+
+    How many are of slow motions comes second.  Two that may be one, so near to it, are of one motion.
+    """
     size = np.abs(multipliers)
     known = np.flatnonzero(((size > _FADED * off) | (size > 1.0)) & (multipliers.imag >= 0.0))
     order = known[np.argsort(np.abs(np.log(multipliers[known])), kind="stable")]
-    return order[(np.arange(len(order)) < count) | (np.abs(multipliers[order]) > 1.0 + off[order])]
+    own = multipliers[order]
+    motions = np.where((own.imag == 0.0) & (np.abs(own - 1.0) <= free), 0.5, 1.0)
+    slow = int(np.sum(np.cumsum(motions) - motions < count))
+    return order[(np.arange(len(order)) < slow) | (np.abs(own) > 1.0 + off[order])], slow
 
 
 def _becomes(near: NextTo, vector: ComplexArray) -> ComplexArray:
