@@ -20,11 +20,11 @@ from hfsim.maths.rotations import lever
 from hfsim.mechanics.chart import Chart
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.deformation import Deformation
-from hfsim.mechanics.equations import VariableMass
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.increments import BodyIncrements
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Pose, Twist
+from hfsim.mechanics.variable_mass import VariableMass
 
 if TYPE_CHECKING:
     from hfsim.mechanics.carried import Carried

@@ -10,11 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, slices
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Matrix, SaddlePoints, dense, factorised, is_sparse, saddle_point
@@ -23,43 +22,18 @@ from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.joint_rows import JointRows
 from hfsim.mechanics.linearized import rows_of
 from hfsim.mechanics.reduction import Reduction
+from hfsim.mechanics.variable_mass import VariableMass
 
 if TYPE_CHECKING:
+    from hfsim.mechanics.condensed import Condensed
     from hfsim.mechanics.node_solution import NodeSolution
 
 AT_ONCE = 20_000
 """Rows of the sparse matrices, of several states, that are factorised together."""
 FEW = 60
 """Coordinates at joints up to which large scenes are solved by these; beyond, with the whole matrix."""
-
-
-class VariableMass(Protocol):
-    """A body whose mass matrix depends on its coordinates."""
-
-    @property
-    def name(self) -> str:
-        """Name in the deck."""
-
-    @property
-    def model(self) -> str:
-        """Name of its model."""
-
-    @property
-    def columns(self) -> slice:
-        """Its coordinates in x."""
-
-    @property
-    def truncated(self) -> bool:
-        """Whether its inertia force leaves out terms, so that it does not keep the energy."""
-
-    def mass(self, x: Array) -> Array:
-        """Return the mass matrix, shape (n_batch, n_columns, n_columns)."""
-
-    def straightened(self, q: Array) -> Array:
-        """Return its coordinates (n_columns,) without deformation."""
-
-    def breakdown(self, t: float, inertia: float, straight: float) -> SolverFailure | None:
-        """Return why no step leads on, where the smallest inertia is too far below that when straight."""
+FEW_UNKNOWNS = 30
+"""Unknowns up to which the whole matrix takes less time than one without what roots hold."""
 
 
 class _Unconstrained:
@@ -192,7 +166,9 @@ class Equations:
         """Return M_g u, shape (n_batch, n_x); one state may serve all rates."""
         p = np.asarray(u @ self.constant_mass)
         for body in self.variable_mass:
-            p[:, body.columns] += (body.mass(x) @ u[:, body.columns, None])[:, :, 0]
+            own = u[:, body.columns]
+            moved = body.momenta(x, own[None])[0] if len(x) == 1 else body.momenta(x, own[:, None])[:, 0]
+            p[:, body.columns] += moved
         return p
 
     def kinetic_energy(self, x: Array, u: Array) -> Array:
@@ -276,6 +252,8 @@ class Equations:
             return self.by_nodes.solve(x, f, gamma)
         if is_sparse(self.constant_mass) and not self._few_joint_coordinates:
             return self._solve_sparse(x, f, gamma)
+        if self._condensed is not None:
+            return self._condensed.solve(x, f, gamma, self.phi.jacobians(x))
         if self._changes:
             return self._solve_whole(x, f, gamma)
         free = self._unconstrained(f)
@@ -303,6 +281,15 @@ class Equations:
         if found is not None and is_sparse(self.constant_mass) and len(found.joints.support) > FEW:
             return None
         return found
+
+    @cached_property
+    def _condensed(self) -> Condensed | None:
+        """The solution without what roots hold, where mass matrices depend on the state."""
+        if not self.variable_mass or self.n + self.n_rows <= FEW_UNKNOWNS:
+            return None
+        from hfsim.mechanics.condensed import Condensed
+
+        return Condensed.of(self.variable_mass, self.phi, self.constant_mass, self.reduction)
 
     @cached_property
     def _few_joint_coordinates(self) -> bool:

@@ -90,6 +90,15 @@ class JointRows:
         """Which rows hold lengths and angles of unit vectors: of size one in any scene."""
         return np.array([c.unit == "-" for c in self.constraints for _ in range(c.rows)], dtype=bool)
 
+    def about(self, columns: slice) -> slice:
+        """Return the rows from the first to the last one that depends on some of these coordinates."""
+        found = [
+            rows
+            for c, rows in self._pairs
+            if any(((end.support >= columns.start) & (end.support < columns.stop)).any() for end in c.ends)
+        ]
+        return slice(found[0].start, found[-1].stop) if found else slice(0, 0)
+
     def scales(self, size: Array) -> Array:
         """Return the sizes of what rows compare, (n_rows,), where coordinates are of a size, shape ()."""
         return np.where(self._of_unit_axes, 1.0, size)

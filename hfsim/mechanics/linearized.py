@@ -18,6 +18,8 @@ from hfsim.maths.matrices import Matrix, dense, factorised, is_sparse, saddle_po
 
 _STEP = 1e-7
 """Step of differences, relative for values above 1: half the digits remain."""
+AT_ONCE = 32
+"""States that are evaluated together: more of them fall out of the cache."""
 
 
 @frozen
@@ -160,7 +162,16 @@ def by_differences(
     steps = _STEP * np.maximum(1.0, np.abs(moved[-1, : len(moved) - 1]))
     moved[np.arange(len(steps)), np.arange(len(steps))] += steps
     Q, V = np.ascontiguousarray(moved[:, :n]), np.ascontiguousarray(moved[:, n:])
-    a = acceleration(t + np.zeros(len(moved)), Q, V)
+    a = _in_parts(acceleration, t, Q, V)
     slopes = ((a[:-1] - a[-1]) / steps[:, None]).T
     damping = -slopes[:, n:] if dissipates else None
     return Linearized(np.eye(n), -slopes[:, :n], damping, None, None, np.eye(n))
+
+
+def _in_parts(acceleration: Callable[[Array, Array, Array], Array], t: float, q: Array, v: Array) -> Array:
+    """Return accelerations, of as many states at a time each time, the last ones over again."""
+    count = -(-len(q) // AT_ONCE)
+    size = -(-len(q) // count)
+    starts = [min(k * size, len(q) - size) for k in range(count)]
+    parts = [acceleration(t + np.zeros(size), q[k : k + size], v[k : k + size]) for k in starts]
+    return np.concatenate([*parts[:-1], parts[-1][-(len(q) - (count - 1) * size) :]])

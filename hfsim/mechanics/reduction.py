@@ -101,6 +101,12 @@ class Reduction:
         first = int(np.searchsorted(self.rows, columns.start))
         return slice(first, first + columns.stop - columns.start)
 
+    def keeps(self, columns: slice, free: slice) -> bool:
+        """Tell whether coordinates are free ones themselves, and nothing else depends on these."""
+        B, n = self.basis, columns.stop - columns.start
+        alone = np.count_nonzero(B[columns]) == np.count_nonzero(B[:, free]) == n
+        return alone and bool(np.array_equal(B[columns, free], np.eye(n)))
+
     def free_force(self, f: Array) -> Array:
         """Return the generalised forces on the free coordinates, f B."""
         return f if self.identity else np.asarray(f @ self.basis)

@@ -21,7 +21,7 @@ from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
 from hfsim.maths.traced import apart
 from hfsim.mechanics.chart import Chart
 from hfsim.mechanics.constraints import Constraint
-from hfsim.mechanics.equations import Equations, VariableMass
+from hfsim.mechanics.equations import Equations
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.increments import NaturalIncrements
 from hfsim.mechanics.linearized import Linearized
@@ -29,6 +29,7 @@ from hfsim.mechanics.many_forces import ManyForces
 from hfsim.mechanics.projection import Projection, Through, directly
 from hfsim.mechanics.reduction import Reduction
 from hfsim.mechanics.subset import parted
+from hfsim.mechanics.variable_mass import VariableMass
 
 if TYPE_CHECKING:
     from hfsim.deck.laws import Law

@@ -7,6 +7,7 @@ order in the elastic coordinates and their rates jointly, or whole with ``trunca
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import NamedTuple
 
@@ -17,7 +18,7 @@ from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import normal, rotate
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.foreshortened import ForeshortenedBeam, weighted
+from hfsim.parts.bodies.foreshortened import ForeshortenedBeam
 
 PLACE, TURN, RIGID = slice(0, 2), 2, 3
 """Where place and angle of a beam's frame stand among its coordinates, and where its deformation begins."""
@@ -103,112 +104,141 @@ class LowOrderBeam(ForeshortenedBeam):
         b = x[:, self.columns]
         return b[:, PLACE], b[:, TURN], b[:, self.of_w], b[:, self.of_v]
 
-    def _fields(self, x: Array, u: Array) -> _Fields:
-        _, _, N_w, N_v, H = self.points
+    def _fields(self, x: Array) -> _Fields:
+        own = self.shortening
         _, _, w, v = self.split(x)
-        _, _, dw, dv = self.split(u)
-        Hv = (v @ H).reshape(len(x), -1, self.n_v)
-        Hdv = (dv @ H).reshape(len(x), -1, self.n_v)
-        return _Fields(
-            w=w @ N_w.T,
-            v=v @ N_v.T,
-            dw=dw @ N_w.T,
-            dv=dv @ N_v.T,
-            Hv=Hv,
-            short=0.5 * (Hv @ v[:, :, None])[:, :, 0],
-            dshort=(Hdv @ v[:, :, None])[:, :, 0],
-            ddshort=(Hdv @ dv[:, :, None])[:, :, 0],
-        )
+        each = own.of_elements(v)
+        bent = own.bent(each)
+        values = own.values(own.of_elements(w)), own.values(each)
+        return _Fields(*values, bent, 0.5 * own.short(bent, each))
 
     def mass(self, x: Array) -> Array:
         """Return the mass matrix (10)-(12) kept as eq. (46) says, shape (n_batch, n, n)."""
-        place, m, N_w, N_v, _ = self.points
-        f = self._fields(x, np.zeros_like(x))
+        place, m, N_w, N_v = self.points
+        f = self._fields(x)
+        Hv = self.shortening.rows(f.bent)
         theta = self.split(x)[1]
         W, V, nw = self.of_w, self.of_v, self.n_w
         M = np.zeros((len(x), self.n, self.n))
         axial = place + f.w - f.short
         M[:, 0, 0] = M[:, 1, 1] = m.sum()
         M[:, PLACE, TURN] = rotate(theta, np.stack([-(f.v @ m), axial @ m], axis=-1))
-        along = np.concatenate([np.broadcast_to(m @ N_w, (len(x), nw)), -(m @ f.Hv)], axis=1)
+        along = np.concatenate([np.broadcast_to(m @ N_w, (len(x), nw)), -(m @ Hv)], axis=1)
         across = np.broadcast_to(np.concatenate([np.zeros(nw), m @ N_v]), along.shape)
         M[:, PLACE, RIGID:] = rotate(theta[:, None], np.stack([along, across], axis=-1)).swapaxes(1, 2)
-        M[:, TURN, TURN] = self._rotary(f) @ m
+        M[:, TURN, TURN] = (axial**2 + f.v**2 + self._left_out(f)) @ m
         M[:, TURN, W] = -(f.v * m) @ N_w
-        M[:, TURN, V] = (axial * m) @ N_v + weighted(f.v * m, f.Hv)
+        M[:, TURN, V] = (axial * m) @ N_v + ((f.v * m)[:, None] @ Hv)[:, 0]
         M[:, W, W] = (N_w.T * m) @ N_w
-        M[:, W, V] = -((N_w.T * m) @ f.Hv)
-        M[:, V, V] = (N_v.T * m) @ N_v + (f.Hv.swapaxes(1, 2) * m) @ f.Hv
+        M[:, W, V] = -((N_w.T * m) @ Hv)
+        M[:, V, V] = (N_v.T * m) @ N_v + (Hv.swapaxes(1, 2) * m) @ Hv
         return np.where(self._below, M.swapaxes(1, 2), M)
 
-    def _rotary(self, f: _Fields) -> Array:
-        """Return s'.s' at the quadrature points; the w v^2 and v^4 parts only when whole."""
-        place = self.points[0]
-        square = place**2 + 2.0 * place * (f.w - f.short) + f.w**2 + f.v**2
-        if self.whole:
-            square = square - 2.0 * f.w * f.short + f.short**2
-        return np.asarray(square)
+    def momenta(self, x: Array, rates: Array) -> Array:
+        """Return the mass matrix times rates, (n_batch, m, n)."""
+        return self._momenta(x, self._fields(x), rates)
+
+    def _momenta(self, x: Array, f: _Fields, rates: Array) -> Array:
+        own, m = self.shortening, self.points[1]
+        theta, omega = self.split(x)[1][:, None], rates[..., TURN, None]
+        dr = rotate(-theta, rates[..., PLACE])[..., None]
+        dw, dv = own.of_elements(rates[..., self.of_w]), own.of_elements(rates[..., self.of_v])
+        bent, v, axial = f.bent[:, None], f.v[:, None], self._axial(f)[:, None]
+        along = (dr[..., 0, :] - omega * v + own.values(dw) - own.short(bent, dv)) * m
+        across = (dr[..., 1, :] + omega * axial + own.values(dv)) * m
+        left_out = omega * self._left_out(f)[:, None] @ m[:, None]
+        P = np.empty(rates.shape)
+        P[..., PLACE] = rotate(theta, np.stack([along.sum(axis=-1), across.sum(axis=-1)], axis=-1))
+        P[..., TURN] = np.sum(axial * across - v * along, axis=-1) + left_out[..., 0]
+        P[..., self.of_w] = own.pulled(along, self.n_w)
+        P[..., self.of_v] = own.pulled(across, self.n_v) - own.weighted(along, bent, self.n_v)
+        return P
+
+    @property
+    def inner(self) -> int:
+        """Where the coordinates that the root holds begin: place, angle and stretch at the root go before."""
+        return RIGID + 1
+
+    def condensed(self, x: Array) -> tuple[Array, Callable[[Array], Array]]:
+        """Return rows of the mass matrix, of the coordinates before, and what solves with the rest of it."""
+        f, n = self._fields(x), self.n_v
+        rows = self._momenta(x, f, np.broadcast_to(np.eye(self.inner, self.n), (len(x), self.inner, self.n)))
+        solve = self.shortening.solver([f.bent])
+
+        def solved(force: Array) -> Array:
+            found = solve(np.stack([force[..., :n], force[..., n:]], axis=-1))
+            return np.concatenate([found[..., 0], found[..., 1]], axis=-1)
+
+        return rows, solved
+
+    def _axial(self, f: _Fields) -> Array:
+        return np.asarray(self.points[0] + f.w - f.short)
+
+    def _left_out(self, f: _Fields) -> Array:
+        """Return what eq. (46) leaves out of s'.s' at the quadrature points, the w v^2 and v^4 parts."""
+        return np.zeros_like(f.w) if self.whole else self._third_order(f)
+
+    def _third_order(self, f: _Fields) -> Array:
+        return np.asarray(2.0 * f.w * f.short - f.short**2)
 
     def third_order_inertia(self, x: Array) -> float:
         """Return the largest part of the moment of inertia that eq. (46) leaves out, over the part kept."""
-        m = self.points[1]
-        f = self._fields(x, np.zeros_like(x))
-        kept = (self.points[0] ** 2) @ m
-        return float(np.abs((f.short**2 - 2.0 * f.w * f.short) @ m).max(initial=0.0) / kept)
+        place, m = self.points[:2]
+        return float(np.abs(self._third_order(self._fields(x)) @ m).max(initial=0.0) / (place**2 @ m))
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add inertia force (13)-(14), elastic, damping and gravity forces."""
-        out[:, self.columns] += self._inertia_force(x, u)
+        f = self._fields(x)
+        out[:, self.columns] += self._inertia_force(f, x, u)
         K, damping = self._resisting
         elastic = self._elastic_coordinates(x) @ -K
         elastic -= self._elastic_coordinates(u) @ damping
         out[:, self._elastic] += elastic
         if any(self.gravity):
-            out[:, self.columns] += self._gravity_force(x)
+            out[:, self.columns] += self._gravity_force(f, x)
 
     def _elastic_coordinates(self, x: Array) -> Array:
         return x[:, self._elastic]
 
-    def _inertia_force(self, x: Array, u: Array) -> Array:
-        place, m, N_w, N_v, _ = self.points
-        f = self._fields(x, u)
-        theta = self.split(x)[1]
-        omega = self.split(u)[1][:, None]
-        axial = place + f.w - f.short
-        along = -(omega**2) * axial - 2.0 * omega * f.dv - f.ddshort
-        across = -(omega**2) * f.v + 2.0 * omega * (f.dw - f.dshort)
-        accel = np.stack([along, across], axis=-1)
+    def _inertia_force(self, f: _Fields, x: Array, u: Array) -> Array:
+        own, place, m = self.shortening, *self.points[:2]
+        theta, (_, omega, dw, dv) = self.split(x)[1], self.split(u)
+        omega, rates = omega[:, None], own.of_elements(dv)
+        w1, v1, short1 = own.values(own.of_elements(dw)), own.values(rates), own.short(f.bent, rates)
+        short2 = own.short(own.bent(rates), rates)
+        along = -(omega**2) * self._axial(f) - 2.0 * omega * v1 - short2
+        across = -(omega**2) * f.v + 2.0 * omega * (w1 - short1)
         Q = np.zeros((len(x), self.n))
-        Q[:, PLACE] = -rotate(theta, m @ accel)
-        rotary = 2.0 * omega * (place * (f.dw - f.dshort) + f.w * f.dw + f.v * f.dv)
+        Q[:, PLACE] = -rotate(theta, m @ np.stack([along, across], axis=-1))
+        rotary = 2.0 * omega * (place * (w1 - short1) + f.w * w1 + f.v * v1)
         # multiplies H v, itself of first order: kept through first order
-        lever = omega**2 * (place + f.w) + 2.0 * omega * f.dv
+        lever = omega**2 * (place + f.w) + 2.0 * omega * v1
         if self.whole:
-            rotary = rotary + f.v * f.ddshort
-            rotary -= 2.0 * omega * (f.short * f.dw + f.w * f.dshort - f.short * f.dshort)
-            lever = lever - omega**2 * f.short + f.ddshort
+            rotary = rotary + f.v * short2
+            rotary -= 2.0 * omega * (f.short * w1 + f.w * short1 - f.short * short1)
+            lever = lever - omega**2 * f.short + short2
         Q[:, TURN] = -rotary @ m
-        Q[:, self.of_w] = -(accel[..., 0] * m) @ N_w
-        Q[:, self.of_v] = -(accel[..., 1] * m) @ N_v - weighted(lever * m, f.Hv)
+        Q[:, self.of_w] = -own.pulled(along * m, self.n_w)
+        Q[:, self.of_v] = -own.pulled(across * m, self.n_v) - own.weighted(lever * m, f.bent, self.n_v)
         return Q
 
-    def _gravity_force(self, x: Array) -> Array:
-        place, m, N_w, N_v, _ = self.points
-        f = self._fields(x, np.zeros_like(x))
-        theta = self.split(x)[1]
-        g = rotate(-theta, np.broadcast_to(np.array(self.gravity), self.split(x)[0].shape))
+    def _gravity_force(self, f: _Fields, x: Array) -> Array:
+        own, m = self.shortening, self.points[1]
+        r0, theta, _, _ = self.split(x)
+        g = rotate(-theta, np.broadcast_to(np.array(self.gravity), r0.shape))
         Q = np.zeros((len(x), self.n))
         Q[:, PLACE] = m.sum() * np.array(self.gravity)
-        arm = np.stack([(place + f.w - f.short) @ m, f.v @ m], axis=-1)
+        arm = np.stack([self._axial(f) @ m, f.v @ m], axis=-1)
         Q[:, TURN] = np.sum(normal(arm) * g, axis=-1)
-        Q[:, self.of_w] = g[:, :1] * (m @ N_w)
-        Q[:, self.of_v] = g[:, 1:] * (m @ N_v) - g[:, :1] * (m @ f.Hv)
+        Q[:, self.of_w] = g[:, :1] * own.pulled(m, self.n_w)
+        bent = own.weighted(np.broadcast_to(m, f.v.shape), f.bent, self.n_v)
+        Q[:, self.of_v] = g[:, 1:] * own.pulled(m, self.n_v) - g[:, :1] * bent
         return Q
 
     def kinetic_energy(self, x: Array, u: Array) -> Array:
         """Return 1/2 u^T M u with the mass matrix of the model [J]."""
-        w = u[:, self.columns]
-        return np.asarray(0.5 * np.einsum("bi,bij,bj->b", w, self.mass(x), w))
+        rates = u[:, None, self.columns]
+        return np.asarray(0.5 * np.sum(self.momenta(x, rates) * rates, axis=(1, 2)))
 
     def strain_energy(self, x: Array) -> Array:
         """Return the elastic energy [J]."""
@@ -217,10 +247,9 @@ class LowOrderBeam(ForeshortenedBeam):
 
     def potential_energy(self, t: Array, x: Array) -> Array:
         """Return the energy of the weight [J]."""
-        place, m, _, _, _ = self.points
-        f = self._fields(x, np.zeros_like(x))
+        m, f = self.points[1], self._fields(x)
         r0, theta, _, _ = self.split(x)
-        arm = np.stack([(place + f.w - f.short) @ m, f.v @ m], axis=-1)
+        arm = np.stack([self._axial(f) @ m, f.v @ m], axis=-1)
         return np.asarray(-(m.sum() * r0 + rotate(theta, arm)) @ np.array(self.gravity))
 
     def power(self, t: Array, x: Array, u: Array) -> Array:
@@ -230,15 +259,17 @@ class LowOrderBeam(ForeshortenedBeam):
 
 
 class _Fields(NamedTuple):
-    """Values at the quadrature points, shape (n_batch, n_points); rates have a d in front."""
+    """Values at the quadrature points, shape (n_batch, n_points).
+
+    Attributes
+    ----------
+    bent : ndarray, shape (n_batch, n_elements, P + 1, k)
+        H v; see `Shortening`.
+    short : ndarray
+        Foreshortening 1/2 v^T H v [m].
+    """
 
     w: Array
     v: Array
-    dw: Array
-    dv: Array
-    Hv: Array
-    """H v, shape (n_batch, n_points, n_v)."""
+    bent: Array
     short: Array
-    """Foreshortening 1/2 v^T H v [m], and v^T H v', v'^T H v' below."""
-    dshort: Array
-    ddshort: Array

@@ -18,11 +18,8 @@ from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.foreshortened import ForeshortenedMarker
+from hfsim.parts.bodies.foreshortened import FACTORS, ForeshortenedMarker
 from hfsim.parts.bodies.planar_low_order import PLACE, RIGID, TURN, LowOrderBeam
-
-FIELDS = 8.5
-"""Tables of H v that a derivative by differences holds at a time: measured with 32, 64 and 128 elements."""
 
 
 @frozen
@@ -236,8 +233,8 @@ class LowOrderBody(Body):
         return self.beam
 
     def tables(self, n: int) -> float:
-        """Return that of its fields at all quadrature points, in as many states as there are coordinates."""
-        return 8.0 * FIELDS * n * self.beam.n_points * self.beam.n_v
+        """Return its share in the factors of derivatives by differences."""
+        return 8.0 * FACTORS * n * (self.columns.stop - self.columns.start)
 
     def forces(self, n: int) -> Iterator[ForcePart]:
         """Yield inertia, elastic force, damping and weight as one."""

@@ -22,7 +22,7 @@ ACROSS = slice(1, 3)
 
 def spun_by(beta: Array, a: Array) -> Array:
     """Return (- beta . a_23, beta a_1), the rates of vectors (n_batch, ..., 3) in a frame that turns."""
-    beta = beta.reshape(len(beta), *(1,) * (a.ndim - 2), 2)
+    beta = beta.reshape(*beta.shape[:-1], *(1,) * (a.ndim - beta.ndim), 2)
     along = -np.sum(beta * a[..., ACROSS], axis=-1, keepdims=True)
     return np.concatenate([along, beta * a[..., :1]], axis=-1)
 

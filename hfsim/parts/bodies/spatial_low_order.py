@@ -10,7 +10,7 @@ the same however a scene is turned, and in a plane those of `hfsim.parts.bodies.
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -18,21 +18,27 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.foreshortened import ForeshortenedBeam, weighted
-from hfsim.parts.bodies.root_frame import ACROSS, RootFrame, RootRates
+from hfsim.parts.bodies.foreshortened import ForeshortenedBeam
+from hfsim.parts.bodies.root_frame import ACROSS, RootFrame, RootRates, spun_by
 
 _TWO = range(2)
 
 
 class _Fields(NamedTuple):
-    """Values at the quadrature points, (n_batch, n_points) or (n_batch, 2, n_points) of both deflections."""
+    """Values at the quadrature points, (n_batch, n_points) or (n_batch, 2, n_points) of both deflections.
+
+    Attributes
+    ----------
+    bent : ndarray, shape (n_batch, 2, n_elements, P + 1, k)
+        H v; see `Shortening`.
+    short : ndarray
+        Foreshortening [m].
+    """
 
     w: Array
     v: Array
-    Hv: Array
-    """H v, shape (n_batch, 2, n_points, n_v)."""
+    bent: Array
     short: Array
-    """Foreshortening [m]."""
 
 
 @frozen
@@ -61,21 +67,19 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
         return RootFrame.of(self.vectors(x), self.mesh.positions)
 
     def _fields(self, frame: RootFrame) -> _Fields:
-        _, _, N_w, N_v, _ = self.points
-        v, Hv = frame.v, self._bent(frame.v)
-        w = (frame.p[:, 1:, 0] - self.mesh.undeformed[1:, 0]) @ N_w.T
-        return _Fields(w, v @ N_v.T, Hv, 0.5 * np.einsum("bcpk,bck->bp", Hv, v))
+        own, v = self.shortening, self.shortening.of_elements(frame.v)
+        w = own.values(own.of_elements(frame.p[:, 1:, 0] - self.mesh.undeformed[1:, 0]))
+        bent = own.bent(v)
+        return _Fields(w, own.values(v), bent, 0.5 * self._short(bent, v))
 
-    def _bent(self, v: Array) -> Array:
-        return (v @ self.points[4]).reshape(len(v), 2, -1, self.n_v)
+    def _short(self, bent: Array, v: Array) -> Array:
+        """Return u^T H v of both deflections, of H v and coordinates u of elements (n_batch, 2, ...)."""
+        return np.asarray(self.shortening.short(bent, v).sum(axis=1))
+
+    def _axial(self, f: _Fields) -> Array:
+        return np.asarray(self.points[0] + f.w - f.short)
 
     # ------------------------------------------------------------------ mass
-
-    @cached_property
-    def _constant(self) -> tuple[Array, Array]:
-        """Mass matrices of w and of each deflection alone."""
-        _, m, N_w, N_v, _ = self.points
-        return (N_w.T * m) @ N_w, (N_v.T * m) @ N_v
 
     def mass(self, x: Array) -> Array:
         """Return the mass matrix (10)-(12) kept as eq. (46) says, shape (n_batch, n, n)."""
@@ -88,44 +92,75 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
 
     def _local_mass(self, f: _Fields) -> Array:
         """Return that of the coordinates in the frame, shape (n_batch, n_vectors, 3, n_vectors, 3)."""
-        place, m, N_w, N_v, _ = self.points
-        axial, K = place + f.w - f.short, self.mesh.n_vectors
+        _, m, N_w, N_v = self.points
+        axial, K = self._axial(f), self.mesh.n_vectors
+        Hv = [self.shortening.rows(f.bent[:, c]) for c in _TWO]
         M = np.zeros((len(f.w), K, 3, K, 3))
         M[:, 0, 0, 1:, 0] = m @ N_w
         for c in _TWO:
             y, own = 1 + c, f.v[:, c] * m
             M[:, 0, 0, 1, y] = -own.sum(axis=1)
             M[:, 0, y, 1, y] = axial @ m
-            M[:, 0, 0, 2:, y] = -weighted(m, f.Hv[:, c])
+            M[:, 0, 0, 2:, y] = -(m @ Hv[c])
             M[:, 0, y, 2:, y] = m @ N_v
             M[:, 1, y, 1:, 0] = -own @ N_w
-            M[:, 1:, 0, 2:, y] -= (N_w.T * m) @ f.Hv[:, c]
+            M[:, 1:, 0, 2:, y] -= (N_w.T * m) @ Hv[c]
             M[:, 1, y, 2:, y] = (axial * m) @ N_v
             for d in _TWO:
-                M[:, 1, y, 2:, 1 + d] += weighted(own, f.Hv[:, d])
+                M[:, 1, y, 2:, 1 + d] += (own[:, None] @ Hv[d])[:, 0]
         M += M.transpose(0, 3, 4, 1, 2)
         M[:, 0, range(3), 0, range(3)] = m.sum()
-        M[:, 1:, 0, 1:, 0] += self._constant[0]
+        M[:, 1:, 0, 1:, 0] += (N_w.T * m) @ N_w
         for c in _TWO:
             for d in _TWO:
                 M[:, 1, 1 + c, 1, 1 + d] = (f.v[:, c] * f.v[:, d]) @ m
-                M[:, 2:, 1 + c, 2:, 1 + d] = (f.Hv[:, c].swapaxes(1, 2) * m) @ f.Hv[:, d]
-            M[:, 1, 1 + c, 1, 1 + c] += self._square(f) @ m
-            M[:, 2:, 1 + c, 2:, 1 + c] += self._constant[1]
+                M[:, 2:, 1 + c, 2:, 1 + d] = (Hv[c].swapaxes(1, 2) * m) @ Hv[d]
+            M[:, 1, 1 + c, 1, 1 + c] += (axial**2 + self._left_out(f)) @ m
+            M[:, 2:, 1 + c, 2:, 1 + c] += (N_v.T * m) @ N_v
         return M
 
-    def _square(self, f: _Fields) -> Array:
-        """Return the square of the axial place; the w v^2 and v^4 parts only when whole."""
-        place = self.points[0]
-        square = place**2 + 2.0 * place * (f.w - f.short) + f.w**2
-        return np.asarray(square - self._third_order(f) if self.whole else square)
+    def momenta(self, x: Array, rates: Array) -> Array:
+        """Return the mass matrix times rates, (n_batch, m, n)."""
+        frame = self.frame(x)
+        return self._momenta(frame, self._fields(frame), rates)
+
+    def _momenta(self, frame: RootFrame, f: _Fields, rates: Array) -> Array:
+        U = rates.reshape(*rates.shape[:2], -1, 3)
+        p1 = (U - frame.positions[:, None] * U[:, :, :1]) @ frame.A[:, None]
+        beta = p1[:, :, 1, ACROSS] / frame.length[:, None]
+        p1 = p1 - spun_by(beta, frame.p[:, None])
+        p1[:, :, 0] = (U[:, :, :1] @ frame.A[:, None])[:, :, 0]
+        p1[:, :, 1, ACROSS] = beta
+        return frame.onto_vectors(self._borne(f, p1)).reshape(rates.shape)
+
+    @property
+    def inner(self) -> int:
+        """Where the coordinates that the root holds begin: its place and slope go before."""
+        return 6
+
+    def condensed(self, x: Array) -> tuple[Array, Callable[[Array], Array]]:
+        """Return rows of the mass matrix, of the coordinates before, and what solves with the rest of it."""
+        frame = self.frame(x)
+        f, n = self._fields(frame), 3 * self.mesh.n_vectors
+        rows = self._momenta(frame, f, np.broadcast_to(np.eye(self.inner, n), (len(x), self.inner, n)))
+        solve, A = self.shortening.solver([f.bent[:, c] for c in _TWO]), frame.A[:, None]
+
+        def solved(force: Array) -> Array:
+            own = force.reshape(*force.shape[:2], -1, 3)
+            return np.asarray((solve(own @ A) @ A.swapaxes(2, 3)).reshape(force.shape))
+
+        return rows, solved
+
+    def _left_out(self, f: _Fields) -> Array:
+        """Return what eq. (46) leaves out of the square of the axial place, the w v^2 and v^4 parts."""
+        return np.zeros_like(f.w) if self.whole else self._third_order(f)
 
     def _third_order(self, f: _Fields) -> Array:
         return np.asarray(2.0 * f.w * f.short - f.short**2)
 
     def third_order_inertia(self, x: Array) -> float:
         """Return the largest part of the moment of inertia that eq. (46) leaves out, over the part kept."""
-        place, m, _, _, _ = self.points
+        place, m = self.points[:2]
         left_out = self._third_order(self._fields(self.frame(x))) @ m
         return float(np.abs(left_out).max(initial=0.0) / (place**2 @ m))
 
@@ -135,54 +170,57 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
         """Add inertia force (13)-(14) and weight."""
         frame = self.frame(x)
         f, rates = self._fields(frame), frame.rates(self.vectors(u))
-        force = self._inertia_force(frame, f, rates) - self._borne(f, rates.bias)
+        force = self._inertia_force(f, rates) - self._borne(f, rates.bias[:, None])[:, 0]
         if any(self.gravity):
             g = np.einsum("i,bij->bj", np.array(self.gravity), frame.A)[:, :, None]
-            force += self._pulled(f, np.broadcast_to(g, (len(x), 3, self.n_points)))
+            force += self._pulled(f, np.broadcast_to(g, (len(x), 3, self.n_points))[:, None])[:, 0]
         out[:, self.columns] += frame.onto_vectors(force[:, None]).reshape(len(x), -1)
 
     def _pulled(self, f: _Fields, a: Array) -> Array:
-        """Return forces on the coordinates of forces per mass at the points, (n_batch, 3, n_points)."""
-        place, m, N_w, N_v, _ = self.points
-        axial, own = place + f.w - f.short, a * m
-        F = np.zeros((len(a), self.mesh.n_vectors, 3))
-        F[:, 0] = own.sum(axis=2)
-        F[:, 1:, 0] = own[:, 0] @ N_w
+        """Return forces on the coordinates of forces per mass at the points, (n_batch, m, 3, n_points)."""
+        own, each = self.shortening, a * self.points[1]
+        axial, v = self._axial(f)[:, None], f.v[:, None]
+        n_w, n_v = self.n_w, self.n_v
+        F = np.zeros((*a.shape[:2], self.mesh.n_vectors, 3))
+        F[:, :, 0] = each.sum(axis=3)
+        F[:, :, 1:, 0] = own.pulled(each[:, :, 0], n_w)
         for c in _TWO:
-            F[:, 1, 1 + c] = np.sum(own[:, 1 + c] * axial - own[:, 0] * f.v[:, c], axis=1)
-            F[:, 2:, 1 + c] = own[:, 1 + c] @ N_v - weighted(own[:, 0], f.Hv[:, c])
+            F[:, :, 1, 1 + c] = np.sum(each[:, :, 1 + c] * axial - each[:, :, 0] * v[:, :, c], axis=2)
+            bent = own.weighted(each[:, :, 0], f.bent[:, None, c], n_v)
+            F[:, :, 2:, 1 + c] = own.pulled(each[:, :, 1 + c], n_v) - bent
         return F
 
-    def _borne(self, f: _Fields, bias: Array) -> Array:
-        """Return the mass matrix times second derivatives of the coordinates, (n_batch, n_vectors, 3)."""
-        place, m, N_w, N_v, _ = self.points
-        beta, v2 = bias[:, 1, ACROSS, None], bias[:, 2:, ACROSS].swapaxes(1, 2)
-        a = np.empty((len(bias), 3, self.n_points))
-        bent = np.einsum("bcpk,bck->bp", f.Hv, v2)
-        a[:, 0] = bias[:, 1:, 0] @ N_w.T - bent - np.sum(beta * f.v, axis=1)
-        a[:, 1:] = beta * (place + f.w - f.short)[:, None] + v2 @ N_v.T
+    def _borne(self, f: _Fields, rates: Array) -> Array:
+        """Return the mass matrix times rates of the coordinates, both (n_batch, m, n_vectors, 3)."""
+        own, beta = self.shortening, rates[:, :, 1, ACROSS, None]
+        root, w, v = rates[:, :, 0, :, None], rates[:, :, 1:, 0], rates[:, :, 2:, ACROSS].swapaxes(2, 3)
+        a = np.empty((*rates.shape[:2], 3, self.n_points))
+        turned = np.sum(beta * f.v[:, None], axis=2)
+        a[:, :, 0] = root[:, :, 0] + own.values(own.of_elements(w)) - turned
+        for c in _TWO:
+            each = own.of_elements(v[:, :, c])
+            a[:, :, 0] -= own.short(f.bent[:, None, c], each)
+            a[:, :, 1 + c] = root[:, :, 1 + c] + beta[:, :, c] * self._axial(f)[:, None] + own.values(each)
         F = self._pulled(f, a)
-        if not self.whole:
-            F[:, 1, ACROSS] += (self._third_order(f) @ m)[:, None] * beta[..., 0]
+        F[:, :, 1, ACROSS] += (self._left_out(f) @ self.points[1])[:, None, None] * beta[..., 0]
         return F
 
-    def _inertia_force(self, frame: RootFrame, f: _Fields, rates: RootRates) -> Array:
-        place, m, N_w, N_v, _ = self.points
-        beta, dv = rates.beta[:, :, None], rates.p[:, 2:, ACROSS].swapaxes(1, 2)
-        v1, w1 = dv @ N_v.T, rates.p[:, 1:, 0] @ N_w.T
-        short1 = np.einsum("bcpk,bck->bp", f.Hv, dv)
-        short2 = np.einsum("bcpk,bck->bp", self._bent(dv), dv)
+    def _inertia_force(self, f: _Fields, rates: RootRates) -> Array:
+        own, m, beta = self.shortening, self.points[1], rates.beta[:, :, None]
+        dv = own.of_elements(rates.p[:, 2:, ACROSS].swapaxes(1, 2))
+        v1, w1 = own.values(dv), own.values(own.of_elements(rates.p[:, 1:, 0]))
+        short1, short2 = self._short(f.bent, dv), self._short(own.bent(dv), dv)
         square, spun, turned = np.sum(beta**2, axis=1), *(np.sum(beta * a, axis=1) for a in (f.v, v1))
         a = np.empty((len(beta), 3, self.n_points))
-        a[:, 0] = -square * (place + f.w - f.short) - 2.0 * turned - short2
+        a[:, 0] = -square * self._axial(f) - 2.0 * turned - short2
         a[:, 1:] = beta * (2.0 * (w1 - short1) - spun)[:, None]
-        F = self._pulled(f, a)
+        F = self._pulled(f, a[:, None])[:, 0]
         if not self.whole:
             # of third order and above: along the beam on H v and v, across it on the axial place
             dropped = (square * f.short - short2) * m
             across = (f.short * spun - 2.0 * (f.short * (w1 - short1) + f.w * short1)) * m
             for c in _TWO:
-                F[:, 2:, 1 + c] += weighted(dropped, f.Hv[:, c])
+                F[:, 2:, 1 + c] += own.weighted(dropped, f.bent[:, c], self.n_v)
                 F[:, 1, 1 + c] += np.sum(dropped * f.v[:, c] - across * beta[:, c], axis=1)
         return -F
 
@@ -190,15 +228,13 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
 
     def kinetic_energy(self, x: Array, u: Array) -> Array:
         """Return 1/2 u^T M u with the mass matrix of the model [J]."""
-        w = u[:, self.columns]
-        return np.asarray(0.5 * np.einsum("bi,bij,bj->b", w, self.mass(x), w))
+        rates = u[:, None, self.columns]
+        return np.asarray(0.5 * np.sum(self.momenta(x, rates) * rates, axis=(1, 2)))
 
     def potential_energy(self, t: Array, x: Array) -> Array:
         """Return the energy of the weight [J]."""
-        place, m, _, _, _ = self.points
-        frame, X = self.frame(x), self.vectors(x)
+        m, frame, X = self.points[1], self.frame(x), self.vectors(x)
         f = self._fields(frame)
-        arm = np.concatenate([((place + f.w - f.short) @ m)[:, None], f.v @ m], axis=1)
+        arm = np.concatenate([(self._axial(f) @ m)[:, None], f.v @ m], axis=1)
         at = m.sum() * X[:, 0] + (frame.A @ arm[:, :, None])[:, :, 0]
         return np.asarray(-at @ np.array(self.gravity))
-

@@ -16,8 +16,7 @@ from hfsim.mechanics.body import Place
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.foreshortened import ForeshortenedMarker
-from hfsim.parts.bodies.planar_low_order_body import FIELDS
+from hfsim.parts.bodies.foreshortened import FACTORS, ForeshortenedMarker
 from hfsim.parts.bodies.root_frame import ACROSS, RootFrame, spun_by
 from hfsim.parts.bodies.spatial_linear import SpatialLinearBeam, SpatialLinearElasticForce
 from hfsim.parts.bodies.spatial_low_order import SpatialLowOrderBeam
@@ -230,8 +229,8 @@ class SpatialLowOrderBody(SpatialLinearBeam):
         return NOTHING
 
     def tables(self, n: int) -> float:
-        """Return that of its fields at all quadrature points, in as many states as there are coordinates."""
-        return 16.0 * FIELDS * n * self.variable_mass.n_points * self.variable_mass.n_v
+        """Return its share in the factors of derivatives by differences."""
+        return 8.0 * FACTORS * n * (self.columns.stop - self.columns.start)
 
     def forces(self, n: int) -> Iterator[ForcePart]:
         """Yield inertia and weight, and elastic force and damping."""
