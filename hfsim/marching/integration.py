@@ -139,7 +139,7 @@ def _steps(scene: Scene, solve: SolveSpec, start: State | None, others: Sequence
     beams = [body for body in scene.bodies.values() if isinstance(body, VectorBeam) and body.has_sections]
     if beams:
         own.append(SectionsWatch(scene.system, beams))
-    watches = Watches(scene.system, [*own, *others])
+    watches = Watches(scene.system, [*own, *others], problem.through)
     limits = Limits(solve.step, solve.max_steps)
     return Steps(problem, method, begin, solve.duration, limits, watches)
 
@@ -202,6 +202,8 @@ def problem_of(scene: Scene) -> Problem:
         recharted=partial(_recharted, system) if any(chart.several for chart in system.charts) else None,
     )
     through = Weakly(problem.through)
+    if system.variable_mass:
+        problem.admissible = partial(system.admissible, through=through)
     if system.linearizes:
         problem.linearized = partial(system.linearized, through=through)
     problem.turns, problem.edges = Turns(system, through), Edges(system, through)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -12,6 +13,7 @@ from hfsim.integrators import Memory
 from hfsim.marching.balance import ROUND_OFF, energies_of, rounding_of
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import mutable
+from hfsim.mechanics.projection import Through, directly
 from hfsim.mechanics.system import System
 from hfsim.parts.bodies.vector_beam import VectorBeam
 
@@ -39,6 +41,7 @@ class EnergyWatch:
     """
 
     system: System
+    through: Through = directly
 
     def __post_init__(self) -> None:
         self._truncated = [body for body in self.system.variable_mass if body.truncated]
@@ -51,7 +54,7 @@ class EnergyWatch:
         system, time = self.system, np.array([t])
         x = system.absolute(q[None])
         u = system.absolute_velocity(q[None], v[None])
-        energies = energies_of(system, time, x, u)
+        energies = self.through("energies", partial(energies_of, system), (time, x, u))
         kinetic, strain, potential = map(float, energies[:, 0])
         moving = kinetic + strain
         power = float(system.power(time, x, u)[0]) if system.exchanges_power else 0.0
@@ -195,10 +198,12 @@ class Watches:
     ----------
     others : sequence of callable
         Called with every kept state like the watches against models that run away; may raise.
+    through : callable
+        What may replay functions that are called often.
     """
 
-    def __init__(self, system: System, others: Sequence[Watch] = ()) -> None:
-        self._energy = EnergyWatch(system)
+    def __init__(self, system: System, others: Sequence[Watch] = (), through: Through = directly) -> None:
+        self._energy = EnergyWatch(system, through)
         redundant = (RedundantWatch(system),) if system.redundant else ()
         own = [watch for watch in (self._energy, PartsWatch(system)) if watch.needed]
         self._every: tuple[Watch, ...] = (*own, *redundant, *others)

@@ -318,15 +318,15 @@ class System:
 
     # ------------------------------------------------------------------ trust in a state
 
-    def admissible(self, q: Array) -> bool:
-        """Whether a state (n,) makes sense.
+    def admissible(self, q: Array, through: Through = directly) -> bool:
+        """Whether a state (n,) makes sense, its mass matrix called through what may replay it.
 
         The mass matrix is positive definite for all motions that the joints allow, and no clamped slope
         has turned over through zero length.
         """
         if min(q[self.reduction.stretches].tolist(), default=1.0) <= 0.0:
             return False
-        return not self.variable_mass or self._has_inertia(self.absolute(q[None]))
+        return not self.variable_mass or self._has_inertia(self.absolute(q[None]), through)
 
     def breakdown(self, t: float, q: Array) -> SolverFailure | None:
         """Return why no step leads on from a state (n,), if a body says that its model has broken down."""
@@ -344,10 +344,11 @@ class System:
             straight[0, body.columns] = body.straightened(x[0, body.columns])
         return straight
 
-    def _has_inertia(self, x: Array) -> bool:
+    def _has_inertia(self, x: Array, through: Through) -> bool:
         """Whether the mass matrix is positive definite in a state (1, n_x), for allowed motions at least."""
         try:
-            np.linalg.cholesky(self.unreduced.mass(x)[0])  # for all: that is found much sooner
+            # for all: that is found much sooner
+            np.linalg.cholesky(through("mass matrix", self.unreduced.mass, (x,))[0])
         except np.linalg.LinAlgError:
             return self._smallest_inertia(x)[0] > 0.0
         return True

@@ -234,7 +234,7 @@ class LowOrderBody(Body):
 
     def tables(self, n: int) -> float:
         """Return its share in the factors of derivatives by differences."""
-        return 8.0 * FACTORS * n * (self.columns.stop - self.columns.start)
+        return float(8.0 * FACTORS * n * (self.columns.stop - self.columns.start))
 
     def forces(self, n: int) -> Iterator[ForcePart]:
         """Yield inertia, elastic force, damping and weight as one."""

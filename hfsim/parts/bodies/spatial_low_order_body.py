@@ -230,7 +230,7 @@ class SpatialLowOrderBody(SpatialLinearBeam):
 
     def tables(self, n: int) -> float:
         """Return its share in the factors of derivatives by differences."""
-        return 8.0 * FACTORS * n * (self.columns.stop - self.columns.start)
+        return float(8.0 * FACTORS * n * (self.columns.stop - self.columns.start))
 
     def forces(self, n: int) -> Iterator[ForcePart]:
         """Yield inertia and weight, and elastic force and damping."""
