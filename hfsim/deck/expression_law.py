@@ -138,7 +138,7 @@ class ExpressionLaw(Law):
         """Return kinks and, up to the end, where the derivative of this order turns round or has a pulse."""
         if not math.isfinite(t_end):
             return np.zeros(0)
-        t = np.linspace(0.0, t_end, SAMPLES + 1)
+        t = _times(t_end)
         with np.errstate(all="ignore"):
             y = self._derivative(t, order)
             turns = _turning_points(t, y)
@@ -152,7 +152,7 @@ class ExpressionLaw(Law):
         """Return the time in which the argument of a sine or cosine turns once where it turns fastest [s]."""
         if not self._turning:
             return math.inf
-        t, rates = _fastest(self, t_end)
+        t, rates = _times(t_end), _fastest(self, t_end)
         first, last = np.searchsorted(t, begin, side="right") - 1, np.searchsorted(t, end)
         fastest = float(rates[max(first, 0) : last + 1].max(initial=0.0))
         return 2.0 * math.pi / fastest if fastest else math.inf
@@ -176,7 +176,7 @@ class ExpressionLaw(Law):
 
     def trouble(self, t_end: float, orders: Sequence[int]) -> tuple[float, str] | None:
         """Return when, until the end, it or one of its derivatives is not finite, and what that is."""
-        t = np.linspace(0.0, t_end, SAMPLES + 1)
+        t = _times(t_end)
         with np.errstate(all="ignore"):
             for divisor, taken in _divisors(self.tree):
                 touched = _touched(divisor, t)
@@ -192,7 +192,7 @@ class ExpressionLaw(Law):
 
     def jump(self, t_end: float) -> float | None:
         """Return when, until the end, its rate jumps where a function of t switches."""
-        t = np.linspace(0.0, t_end, SAMPLES + 1)
+        t = _times(t_end)
         with np.errstate(all="ignore"):
             places = np.concatenate([t[:0], *(_zeros(one, t) for one in _switches(self.tree))])
             around = places[:, None] + _BESIDE * t_end * np.array([-2.0, -1.0, 1.0, 2.0])
@@ -271,11 +271,16 @@ def _base(base: Node, exponent: Node, t: Array) -> Array:
     return np.where(n < 0.0, np.where(n % 2.0 == 1.0, x, np.abs(x)), np.nan)
 
 
-@lru_cache(maxsize=64)
-def _fastest(law: ExpressionLaw, t_end: float) -> tuple[Array, Array]:
-    """Return the times at which a law is looked at, and its turning rates there."""
-    t = np.linspace(0.0, t_end, SAMPLES + 1)
-    return t, law.turning_rates(t)
+@lru_cache(maxsize=16)
+def _times(t_end: float) -> Array:
+    """Return the times at which laws are looked at."""
+    return np.linspace(0.0, t_end, SAMPLES + 1)
+
+
+@lru_cache(maxsize=1000)
+def _fastest(law: ExpressionLaw, t_end: float) -> Array:
+    """Return the turning rates of a law at these times."""
+    return law.turning_rates(_times(t_end))
 
 
 def _turning(node: Node) -> Iterator[Node]:

@@ -53,6 +53,12 @@ class End(NamedTuple):
         """Whether the block never changes."""
         return self.constraint.still[self.number]
 
+    @property
+    def places(self) -> tuple[IntArray, IntArray]:
+        """Rows and columns of the entries of the block."""
+        rows = np.arange(self.rows.start, self.rows.stop)
+        return np.repeat(rows, len(self.columns)), np.tile(self.columns, len(rows))
+
     def jacobian(self, x: Array) -> Array:
         """Return the block, shape (n_batch or 1, rows, k)."""
         return self.constraint.jacobian(self.number, x)[..., self.kept]
@@ -242,7 +248,8 @@ class JointRows:
         """Return the entries of Phi_x in states (n_batch, n_x), their values (n_batch, n_entries)."""
         still = self._still_entries
         parts = [still._replace(values=np.broadcast_to(still.values, (len(x), still.values.shape[1])))]
-        parts += [self._entries_of(end, x) for end in self._changing_ends]
+        changing = zip(self._changing_ends, self._changing_places, strict=True)
+        parts += [Entries(*places, _values(end, x)) for end, places in changing]
         if self._products is not None:
             parts.append(self._products.entries(x))
         return Entries.joined(parts)
@@ -251,15 +258,13 @@ class JointRows:
     def _still_entries(self) -> Entries:
         """Those that never change, values (1, n_entries)."""
         nothing = NOTHING._replace(values=np.zeros((1, 0)))
-        still = [self._entries_of(end, self._origin) for end in self.ends if end.still]
-        return Entries.joined([nothing, *still])
+        still = (end for end in self.ends if end.still)
+        return Entries.joined([nothing, *(Entries(*end.places, _values(end, self._origin)) for end in still)])
 
-    def _entries_of(self, end: End, x: Array) -> Entries:
-        """Return the entries of an end, values (n_batch, n_entries)."""
-        block = end.jacobian(x)
-        places = Entries.of_block(np.r_[end.rows], end.columns, block[0])
-        values = np.broadcast_to(block.reshape(len(block), -1), (len(x), block[0].size))
-        return places._replace(values=values)
+    @cached_property
+    def _changing_places(self) -> tuple[tuple[IntArray, IntArray], ...]:
+        """Places of the others, end by end."""
+        return tuple(end.places for end in self._changing_ends)
 
     def at_joints(self, x: Array) -> Array:
         """Return Phi_x by the coordinates `support` alone, shape (n_batch or 1, n_rows, k)."""
@@ -300,3 +305,9 @@ class JointRows:
         if self._products:
             bend[self._products.rows] = self._products.bend()
         return bend
+
+
+def _values(end: End, x: Array) -> Array:
+    """Return the entries of an end's block in states (n_batch, n_x), (n_batch, n_entries)."""
+    block = end.jacobian(x)
+    return np.broadcast_to(block.reshape(len(block), -1), (len(x), block[0].size))

@@ -429,6 +429,18 @@ def test_expressions_without_time_are_constant():
     assert (law_of("3").build().rate(np.zeros(4)) == 0.0).all()
 
 
+def test_the_turning_of_many_laws_is_looked_at_once(monkeypatch):
+    laws = [law_of(f"sin({k} * t + 0.123)").build() for k in range(1, 151)]
+    looked, turning = [], type(laws[0]).turning_rates
+    monkeypatch.setattr(
+        type(laws[0]), "turning_rates", lambda self, t: looked.append(self) or turning(self, t)
+    )
+    for begin in (0.0, 0.3, 0.6):
+        found = [law.period(begin, begin + 0.2, 1.37) for law in laws]
+        np.testing.assert_allclose(found, 2.0 * np.pi / np.arange(1, 151))
+    assert len(looked) == 150
+
+
 @pytest.mark.parametrize(
     ("law", "start"),
     [
