@@ -81,17 +81,17 @@ class ForeshortenedBeam(ForcePart):
         """All coordinates of the beam."""
         return np.arange(self.columns.start, self.columns.stop)
 
-    @property
+    @cached_property
     def n_w(self) -> int:
         """Number of axial coordinates."""
         return self.mesh.n_vectors - 1
 
-    @property
+    @cached_property
     def n_v(self) -> int:
         """Number of coordinates of one deflection."""
         return self.mesh.n_vectors - 2
 
-    @property
+    @cached_property
     def n_points(self) -> int:
         """Number of quadrature points: what integrates the terms of highest degree (H H) exactly."""
         return len(self._rule[0]) * self.mesh.count

@@ -56,17 +56,17 @@ class LowOrderBeam(ForeshortenedBeam):
         """Whether there is damping."""
         return self.mesh.properties.damped
 
-    @property
+    @cached_property
     def n(self) -> int:
         """Number of coordinates."""
         return RIGID + self.n_w + self.n_v
 
-    @property
+    @cached_property
     def of_w(self) -> slice:
         """Where the axial coordinates stand among its own."""
         return slice(RIGID, RIGID + self.n_w)
 
-    @property
+    @cached_property
     def of_v(self) -> slice:
         """Where the transverse coordinates stand among its own."""
         return slice(RIGID + self.n_w, self.n)
