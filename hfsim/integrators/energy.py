@@ -57,7 +57,11 @@ may have been so by chance."""
 SERVES_WELL = 12
 """Iterations to round-off in a step up to which its derivative is kept for the next."""
 ROUNDING = 1e-10
-"""Corrections, relative to the largest coordinate, that may be rounding when they do not shrink any more."""
+"""Consequences of corrections, relative to the largest coordinate, that may be rounding when they do not
+shrink any more."""
+RESOLVED = 1e-12
+"""Corrections, relative to the largest coordinate, that are rounding when they do not shrink any more,
+whatever their consequence: without modes every velocity error is taken for one of a slow motion."""
 
 
 class Path(NamedTuple):
@@ -207,11 +211,11 @@ class EnergyStepper(CollocationStepper):
             if derivative.recordable:
                 problem.count(self._path.nodes)
                 given = (t, q, v, h, a, *known)
-                a, self._along, consequence = problem.often.call(name, correct, given)
+                a, self._along, *sizes = problem.often.call(name, correct, given)
             else:
                 self._along = problem.evaluate(*self._states(t, q, v, h, a))
-                a, consequence = self._moved(derivative, Place(t, q, v, h), a, self._along)
-            ended = ending.after(float(consequence))
+                a, *sizes = self._moved(derivative, Place(t, q, v, h), a, self._along)
+            ended = ending.after(*map(float, sizes))
             if ended is not None:
                 return a if ended and np.isfinite(a).all() else None
         return None
@@ -219,8 +223,8 @@ class EnergyStepper(CollocationStepper):
     def _corrected(
         self, derivative: Derivative, known: tuple[Array, ...],
         t: Any, q: Array, v: Array, h: Any, a: Array, *arrays: Array,
-    ) -> tuple[Array, Array, Array]:  # fmt: skip
-        """Return corrected accelerations, those along the path before, and the correction's consequence.
+    ) -> tuple[Array, ...]:  # fmt: skip
+        """Return corrected accelerations, those along the path before, and the sizes that `_moved` returns.
 
         Parameters
         ----------
@@ -232,16 +236,16 @@ class EnergyStepper(CollocationStepper):
             others = iter(arrays)
             derivative = rebuilt(derivative, lambda _: next(others))
         along = np.asarray(self._problem.acceleration(*self._states(t, q, v, h, a)))
-        moved, consequence = self._moved(derivative, Place(t, q, v, h), a, along)
-        return moved, along, np.asarray(consequence)
+        moved, *sizes = self._moved(derivative, Place(t, q, v, h), a, along)
+        return moved, along, *map(np.asarray, sizes)
 
-    def _moved(self, derivative: Derivative, place: Place, a: Array, along: Array) -> tuple[Array, Array]:
-        """Return accelerations corrected for those along the path, and the correction's consequence."""
+    def _moved(self, derivative: Derivative, place: Place, a: Array, along: Array) -> tuple[Array, ...]:
+        """Return accelerations corrected for those along the path; the correction's consequence, its size."""
         (_, q, v, h), table, natural = place, self.table, derivative.increments
         at = natural.geometry(q + (h * table.nodes)[:, None] * v + h * h * (table.A2 @ a))
         missing = natural.to_natural(at, self._path.average @ along - a)
         y, consequence = derivative.correction(table, h)(derivative.reading(missing))
-        return a + (table.A2_inverse / (h * h)) @ _added(natural, at, y), consequence
+        return a + (table.A2_inverse / (h * h)) @ _added(natural, at, y), consequence, np.abs(y).max()
 
     def _newton(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
         """Iterate with the derivatives at every point of the path, by shortened corrections where needed.
@@ -309,11 +313,19 @@ class _Stagnation:
 
     def __init__(self, q: Array) -> None:
         self._scale = 1.0 + float(np.abs(q).max())
-        self._least = self._last = np.inf
+        self._least = self._last = self._smallest = np.inf
         self._idle = 0
 
-    def after(self, change: float) -> bool | None:
-        """Return whether the iteration has converged after a correction of this size; None: go on."""
+    def after(self, change: float, size: float = np.inf) -> bool | None:
+        """Return whether the iteration has converged after a correction; None: go on.
+
+        Parameters
+        ----------
+        change : float
+            Size of the correction's consequence.
+        size : float
+            Size of the correction, where its consequence may be told too large.
+        """
         relative = change / self._scale
         if not relative < 1e6:
             return False
@@ -324,9 +336,10 @@ class _Stagnation:
         elif relative > SHRINKING * self._last:
             self._idle += 1
         self._least, self._last = min(self._least, relative), relative
+        self._smallest = min(self._smallest, size / self._scale)
         if self._idle < PATIENCE:
             return None
-        return self._least < ROUNDING
+        return self._least < ROUNDING or self._smallest < RESOLVED
 
 
 def _added(natural: Increments, at: Any, y: Array) -> Array:
