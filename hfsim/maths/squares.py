@@ -6,6 +6,8 @@ is to be near to the slowest, yet not so near that nothing is known of the faste
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,7 @@ from hfsim.maths.arrays import Array, BoolArray, ComplexArray
 from hfsim.maths.eigenvectors import eigenvectors
 from hfsim.maths.inertia import count_below
 from hfsim.maths.matrices import dense
-from hfsim.maths.pencils import EPS, Pencil
+from hfsim.maths.pencils import EPS, Pencil, Solve
 
 _FIRST_SHIFT = 1e-8
 """First shift over the square of the fastest frequency."""
@@ -34,8 +36,12 @@ MORE = 8
 _TRIES = 4
 _WHOLE = 2000
 """Coordinates up to which all squares are computed where an iteration finds none."""
-_TIGHT, _ROUNDS = 1e-12, 30
-"""Error of eigenvalues that an iteration may leave, and how often it begins anew."""
+_TIGHT, _ROUNDS, _MANY_ROUNDS = 1e-12, 30, 300
+"""Error of eigenvalues that an iteration may leave; how often it begins anew, and if it has to do."""
+
+
+class Unfound(np.linalg.LinAlgError):
+    """An iteration does not converge, whatever the matrices are."""
 
 
 def slowest_squares(pencil: Pencil, count: int) -> tuple[ComplexArray, Array]:
@@ -65,8 +71,13 @@ def slowest_squares(pencil: Pencil, count: int) -> tuple[ComplexArray, Array]:
 
 def noise_of(pencil: Pencil, squares: ComplexArray, vectors: ComplexArray, shift: float) -> Array:
     """Return what rounding does to squares found by the inverse at a shift."""
-    own = pencil.rounding(np.sqrt(-squares.astype(complex)), vectors)
+    own = _own_noise(pencil, squares, vectors)
     return np.asarray(own + EPS * np.abs(squares - shift) ** 2 / abs(shift))
+
+
+def _own_noise(pencil: Pencil, squares: ComplexArray, vectors: ComplexArray) -> Array:
+    """Return what rounding of the matrices themselves does to squares."""
+    return pencil.rounding(np.sqrt(-squares.astype(complex)), vectors)
 
 
 def no_more(sizes: Array, noise: Array) -> BoolArray:
@@ -78,25 +89,33 @@ def no_more(sizes: Array, noise: Array) -> BoolArray:
 def squares_of(pencil: Pencil, count: int) -> tuple[ComplexArray, ComplexArray, bool | None, float]:
     """Return minus the squares of eigenvalues without velocities, with vectors; then the shift (negative)."""
     shift = -_FIRST_SHIFT * pencil.fastest
-    for _ in range(2 * _TRIES):
-        squares, vectors = _next_to(pencil, shift, count)
-        noise = noise_of(pencil, squares, vectors, shift)
-        stiff = np.abs(squares)[~no_more(np.abs(squares), noise)]
-        slowest = float(stiff.min(initial=np.inf))
-        low, high = _FITTING
-        if slowest < np.inf and low * slowest <= -shift <= high * slowest:
+    squares, vectors = _next_to(pencil, shift, count)
+    for _ in range(2 * _TRIES - 1):
+        better = _better(pencil, shift, squares, vectors)
+        if better is None:
             break
-        if slowest == np.inf:
-            if -shift <= _LOWEST_SHIFT * pencil.fastest or not pencil.large:
-                break
-            shift *= 1e-4
-        else:
-            nearest = -max(_BESIDE * slowest, _NEAREST_SHIFT * float(np.abs(squares).max()))
-            if np.isclose(nearest, shift, rtol=0.1):
-                break
-            shift = nearest
+        try:
+            squares, vectors = _next_to(pencil, better, count)
+        except np.linalg.LinAlgError:  # next to zero what is free is singular
+            break
+        shift = better
     squares, vectors, complete = _completed(pencil, shift, count, squares, vectors)
     return squares, vectors, complete, shift
+
+
+def _better(pencil: Pencil, shift: float, squares: ComplexArray, vectors: ComplexArray) -> float | None:
+    """Return a shift next to the slowest of the squares found next to another, which may do: None then."""
+    noise, sizes = noise_of(pencil, squares, vectors, shift), np.abs(squares)
+    slowest = float(sizes[~no_more(sizes, noise)].min(initial=np.inf))
+    if slowest == np.inf:
+        # what the matrices' own rounding is, no shift tells from zero, next to which nothing is inverted
+        hidden = pencil.large and not no_more(sizes, _own_noise(pencil, squares, vectors)).all()
+        return 1e-4 * shift if hidden and -shift > _LOWEST_SHIFT * pencil.fastest else None
+    low, high = _FITTING
+    if low * slowest <= -shift <= high * slowest:
+        return None
+    nearest = -max(_BESIDE * slowest, _NEAREST_SHIFT * float(sizes.max()))
+    return None if np.isclose(nearest, shift, rtol=0.1) else nearest
 
 
 def _completed(
@@ -140,7 +159,8 @@ def _next_to(pencil: Pencil, shift: float, count: int, seed: int = 1) -> tuple[C
     try:
         found = _large(pencil, solve, count + MORE, seed) if pencil.large else _whole(pencil, solve)
     except np.linalg.LinAlgError:
-        # of thin ropes masses are nearly singular, and Lanczos' iteration finds nothing
+        # of thin ropes masses are nearly singular, and Lanczos' iteration finds nothing; of what is free many
+        # times over it finds one after the other, by rounding
         if not pencil.large or pencil.n > _WHOLE:
             raise
         found = _whole(pencil, solve)
@@ -172,23 +192,30 @@ def _whole(pencil: Pencil, solve: Any) -> tuple[ComplexArray, ComplexArray]:
     return theta, basis @ weights
 
 
-def _large(pencil: Pencil, solve: Any, count: int, seed: int) -> tuple[ComplexArray, ComplexArray]:
-    """Return the largest of the same by Lanczos' or Arnoldi's iteration."""
-    from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
+def _large(pencil: Pencil, solve: Solve, count: int, seed: int) -> tuple[ComplexArray, ComplexArray]:
+    """Return the largest of the same by Lanczos' or Arnoldi's iteration.
+
+    Raises
+    ------
+    Unfound
+        If some do not converge though all can be computed.
+    """
+    from scipy.sparse.linalg import LinearOperator, eigsh
 
     M, n = pencil.matrices[0], pencil.n
     count = min(count, max(pencil.free - 2, 1), n - 2)
     start = solve(M @ np.random.default_rng(seed).standard_normal(n))
     operator: Any = LinearOperator((n, n), matvec=lambda y: solve(M @ y), dtype=float)
-    try:
-        if pencil.symmetric:
-            inverse: Any = LinearOperator((n, n), matvec=solve, dtype=float)
-            values, vectors = eigsh(M, count, M=M, sigma=0.0, OPinv=inverse, v0=start, tol=1e-12)
-            # the inverse is that at the shift, whatever it is called
-            return 1.0 / values.astype(complex), vectors.astype(complex)
-    except ArpackError as error:
-        raise np.linalg.LinAlgError(str(error)) from None
-    return arnoldi(operator, count, start)
+    if not pencil.symmetric:
+        return arnoldi(operator, count, start)
+    inverse: Any = LinearOperator((n, n), matvec=solve, dtype=float)
+    small = n <= _WHOLE
+    options: Any = {"v0": start, "tol": _TIGHT, "maxiter": _ROUNDS if small else _MANY_ROUNDS}
+    # the inverse is that at the shift, whatever it is called
+    values, vectors = _converged(partial(eigsh, M, count, M=M, sigma=0.0, OPinv=inverse, **options))
+    if len(values) < (count if small else 2):
+        raise Unfound(f"{len(values)} of {count} slowest motions were found")
+    return 1.0 / values.astype(complex), vectors.astype(complex)
 
 
 def arnoldi(operator: Any, count: int, start: Array) -> tuple[ComplexArray, ComplexArray]:
@@ -196,14 +223,23 @@ def arnoldi(operator: Any, count: int, start: Array) -> tuple[ComplexArray, Comp
 
     Where damping grows with stiffness, eigenvalues without number crowd at one place.
     """
-    from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, eigs
+    from scipy.sparse.linalg import eigs
 
     size = min(len(start), max(2 * count + 1, 3 * count))
+    return _converged(
+        partial(eigs, operator, count, which="LM", v0=start, tol=_TIGHT, ncv=size, maxiter=_ROUNDS)
+    )
+
+
+def _converged(iteration: Callable[[], tuple[Array, Array]]) -> tuple[Any, Any]:
+    """Return eigenvalues and vectors as far as an iteration converges."""
+    from scipy.sparse.linalg import ArpackError, ArpackNoConvergence
+
     try:
-        return tuple(eigs(operator, count, which="LM", v0=start, tol=_TIGHT, ncv=size, maxiter=_ROUNDS))
+        return iteration()
     except ArpackNoConvergence as some:
         if not len(some.eigenvalues):
-            raise np.linalg.LinAlgError(str(some)) from None
+            raise Unfound("none of the slowest motions was found") from None
         return some.eigenvalues, some.eigenvectors
     except ArpackError as error:
         raise np.linalg.LinAlgError(str(error)) from None

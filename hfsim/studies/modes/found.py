@@ -12,6 +12,7 @@ import numpy as np
 from hfsim.errors import ArgumentError
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.eigenpairs import Eigenpairs, eigenpairs
+from hfsim.maths.squares import Unfound
 from hfsim.mechanics.turning import Turning
 from hfsim.studies.modes.evenness import stays_even
 from hfsim.studies.modes.state import EVEN, About, ModesError
@@ -277,6 +278,8 @@ def _slowest(state: About, count: int) -> Modes:
     pencil = state.motions.pencil
     try:
         found = eigenpairs(pencil, count)
+    except Unfound as error:
+        raise ModesError(f"{error}: try another --count") from None
     except np.linalg.LinAlgError as error:
         raise ModesError(f"something moves without mass: {error}") from None
     growing = np.flatnonzero(found.values.real > 0.0)

@@ -1,0 +1,56 @@
+"""Squares of slow frequencies by Lanczos' iteration, held against those of dense matrices."""
+
+import numpy as np
+import pytest
+from scipy.sparse import block_diag, csr_array, eye_array
+
+from hfsim.maths import squares
+from hfsim.maths.pencils import Pencil
+
+PAIR = np.array([[1.0, -1.0], [-1.0, 1.0]])
+"""A spring between two masses, both of which go wherever they like."""
+
+
+def pencil_of(stiffness):
+    n = stiffness.shape[0]
+    return Pencil(eye_array(n).tocsr(), csr_array((n, n)), csr_array(stiffness), csr_array((0, n)))
+
+
+def graded(rng, zeros=160, levels=40):
+    """Return a stiffness with many squares that are zero, and others of all sizes and both signs."""
+    sizes = 10.0 ** np.linspace(2.0, -14.0, levels)
+    every = np.concatenate([np.zeros(zeros), sizes, -sizes])
+    basis = np.linalg.qr(rng.standard_normal((len(every), len(every))))[0]
+    whole = (basis * every) @ basis.T
+    return 0.5 * (whole + whole.T), every
+
+
+@pytest.mark.parametrize("loose", [0, 30], ids=["pairs", "pairs and loose masses"])
+def test_motions_that_nothing_holds_are_no_motions_without_mass(loose):
+    """More of them than are looked for: a shift that comes ever nearer to zero says nothing more."""
+    parts = [1e6 * PAIR] * 150 + [np.zeros((1, 1))] * loose
+    found, _ = squares.slowest_squares(pencil_of(block_diag(parts)), 5)
+    assert len(found) >= 5 and not found.any()
+
+
+@pytest.mark.parametrize(
+    ("whole", "most"), [(2000, 1000), (100, 7000)], ids=["all are computed", "what converges is taken"]
+)
+def test_many_squares_that_are_equal_end_the_iteration(whole, most, rng, monkeypatch):
+    """They are found one after the other, by rounding: 50 000 solutions do not bring all of them."""
+    monkeypatch.setattr(squares, "_WHOLE", whole)
+    solved, own = [], Pencil.inverse
+
+    def inverse(pencil, matrix):
+        solve = own(pencil, matrix)
+        return lambda forces: solved.append(forces.shape) or solve(forces)
+
+    monkeypatch.setattr(Pencil, "inverse", inverse)
+    stiffness, every = graded(rng)
+    found = squares.squares_of(pencil_of(stiffness), 12)[0].real
+    assert len(solved) < most
+    assert 2 <= len(found) <= len(every) and (len(found) == len(every)) == (whole > len(every))
+    assert (np.abs(found[:, None] - every).min(axis=1) < 1e-12 + 1e-3 * np.abs(found)).all()
+    if len(found) == len(every):
+        slow = every[np.abs(every) < 1e-3]
+        assert np.sort(found[np.abs(found) < 1e-3]) == pytest.approx(np.sort(slow), rel=1e-5, abs=1e-12)
