@@ -132,7 +132,9 @@ def _completed(
     for _ in range(_TRIES):
         order = np.argsort(squares.real)
         squares, vectors = squares[order], vectors[:, order]
-        last = _gap(squares.real, min(wanted, len(squares)))
+        # what grows is counted too, and is no reason to leave out what is slow
+        growing = np.count_nonzero(squares.real < -noise_of(pencil, squares, vectors, shift) * _DOUBTFUL)
+        last = _gap(squares.real, min(wanted + int(growing), len(squares)))
         bound = 0.5 * (squares.real[last - 1] + squares.real[last])
         below = count_below(pencil, float(bound))
         if below is None:

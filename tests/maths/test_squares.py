@@ -54,3 +54,11 @@ def test_many_squares_that_are_equal_end_the_iteration(whole, most, rng, monkeyp
     if len(found) == len(every):
         slow = every[np.abs(every) < 1e-3]
         assert np.sort(found[np.abs(found) < 1e-3]) == pytest.approx(np.sort(slow), rel=1e-5, abs=1e-12)
+
+
+def test_what_grows_leaves_what_is_slow_in_place():
+    """Both are told, where the state is unstable in more ways than motions were asked for."""
+    every = np.concatenate([-np.linspace(0.01, 1.0, 43), 1e-3 * np.arange(1.0, 258.0) ** 2])
+    found, _, complete, _ = squares.squares_of(pencil_of(np.diag(every)), 12)
+    assert complete
+    assert np.sort(found.real)[:55] == pytest.approx(np.sort(every)[:55], rel=1e-9)
