@@ -81,6 +81,12 @@ class Entries(NamedTuple):
         return cls(i.ravel(), j.ravel(), block.ravel())
 
     @classmethod
+    def of_turns(cls, rows: IntArray, vectors: IntArray, rate: float = 1.0) -> Entries:
+        """Return the entries that write planar vectors (..., 2), turned at a rate, into rows (..., 2)."""
+        values = np.broadcast_to([-rate, rate], rows.shape)
+        return cls(rows.ravel(), vectors[..., ::-1].ravel(), values.ravel())
+
+    @classmethod
     def joined(cls, parts: Iterable[Entries]) -> Entries:
         """Return entries one after the other; values may have batches, (..., n_entries)."""
         return cls(*(np.concatenate(kind, axis=-1) for kind in zip(*parts, strict=True)))

@@ -9,7 +9,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray, IntArray, Places, run_of
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
+from hfsim.maths.matrices import NOTHING, Entries, Matrix, assemble, is_sparse
 from hfsim.maths.rotations import as_complex, as_vectors
 from hfsim.maths.traced import changeable
 from hfsim.mechanics.chart import AlikeBodies
@@ -52,7 +52,11 @@ class BodyIncrements(AlikeBodies):
         raise NotImplementedError
 
     def turned(self) -> Entries:
-        """Return the map from changes to their rates where bodies turn at 1 rad/s about their first nodes."""
+        """Return the map from changes to their rates where all vectors of bodies turn at 1 rad/s."""
+        raise NotImplementedError
+
+    def shifted(self) -> Entries:
+        """Return what makes of these rates those about their first nodes."""
         raise NotImplementedError
 
 
@@ -176,9 +180,8 @@ class Mount(Tie):
 
     def turned(self, rows: IntArray) -> Entries:
         """Return the rates (2 rows) of changes of its point that turns about the place of the rigid body."""
-        signs = np.array([-1.0, 1.0])
-        point = Entries(rows, self.point[::-1], signs)
-        return Entries.joined([point, Entries(rows, self.rigid[1::-1], -signs)])
+        place = Entries.of_turns(rows, self.rigid[:2], -1.0)
+        return Entries.joined([Entries.of_turns(rows, self.point), place])
 
     def take_forces(self, x: Array, f: Array) -> Array | None:
         """Hand the forces on the beam, in ``f``, to the rigid body; return those on its relative place."""
@@ -316,6 +319,11 @@ class NaturalIncrements:
 
         Where natural increments stand still, changes of the state do not: they turn with the bodies, at rates
         W dq, and their second derivatives are W W dq while bodies turn on like that.
+
+        A body also carries along what is tied to it.  That is left out where matrices are sparse: W turns all
+        vectors of a body as that body turns, which is the same where all turn as one, and couples nothing
+        (along a chain, every beam would reach all beyond it, and factors would be full).  Nor do bodies turn
+        there that nothing holds: the place of a first node, about which they do, would reach all of them.
         """
         u = self.reduction.expand_rates(v[None])
         y1 = changeable(u)
@@ -333,9 +341,10 @@ class NaturalIncrements:
         """Matrices (n, m) and (m, n) between which `turning` has spins of m rows, and which spin each has.
 
         The rows are rates about the first node of a beam, and, for each mount, those of its point about the
-        place of the rigid body; the left matrix hands them on from body to body.
+        place of the rigid body; the left matrix hands them on from body to body.  Sparse ones have neither.
         """
-        n, mounts, sparse = len(self.reduction.offset), self._mounts, is_sparse(self.reduction.basis)
+        n, sparse = len(self.reduction.offset), is_sparse(self.reduction.basis)
+        mounts = () if sparse else self._mounts
         extra = n + np.arange(2 * len(mounts)).reshape(-1, 2)
         m, counts = n + extra.size, [part.bodies for part in self.beams]
         which = np.zeros(m, dtype=np.intp)
@@ -343,17 +352,40 @@ class NaturalIncrements:
             places = np.arange(part.columns.start, part.columns.stop)
             which[places] = first + np.repeat(np.arange(part.bodies), len(places) // part.bodies)
         which[n:] = np.repeat(sum(counts) + np.arange(len(mounts)), 2)
-        rates = [part.turned() for part in self.beams]
+        if sparse:
+            return self.reduction.reading, self._turned_apart(which) @ self.reduction.basis, which
+        rates = [part for one in self.beams for part in (one.turned(), one.shifted())]
         rates += [mount.turned(rows) for mount, rows in zip(mounts, extra, strict=True)]
         own, every = iter(extra), np.arange(m)
         unit = Entries(every, every, np.ones(m))
-        led = assemble([unit], (m, m), sparse)
+        led = assemble([unit], (m, m), False)
         for tie in self.ties:
             if not isinstance(tie, Rail):
                 by = next(own) if isinstance(tie, Mount) else tie.parent
-                led = assemble([unit, tie.led(by)], (m, m), sparse) @ led
-        right = assemble(rates, (m, n), sparse) @ self.reduction.basis
+                led = assemble([unit, tie.led(by)], (m, m), False) @ led
+        right = assemble(rates, (m, n), False) @ self.reduction.basis
         return self.reduction.reading @ led[:n], right, which
+
+    def _turned_apart(self, which: IntArray) -> Matrix:
+        """Return the rates of vectors that turn as their bodies do, (n_x, n_x), where anything holds these.
+
+        A point that is tied turns as what it is tied to, which is written into ``which``.
+        """
+        n = len(which)
+        bent, held = np.zeros((2, n), dtype=bool)
+        first, points = np.arange(n), [NOTHING]
+        for part in self.beams:
+            places = np.arange(part.columns.start, part.columns.stop).reshape(part.bodies, -1)
+            first[places], bent[places] = places[:, :1], True
+        for tie in self.ties:
+            held[tie.positions] = tie.parent is None or held[tie.parent[0]]
+            if tie.parent is not None and not bent[tie.point[0]]:
+                which[tie.positions] = which[tie.parent[0]]
+                points.append(Entries.of_turns(tie.positions, tie.positions))
+        entries = Entries.joined([*(part.turned() for part in self.beams), *points])
+        holds = held[first[entries.rows]]
+        kept = Entries(entries.rows[holds], entries.columns[holds], entries.values[holds])
+        return assemble([kept], (n, n), True)
 
     def _free(self, y: Array) -> Array:
         return y if self.reduction.identity else y.take(self.columns, axis=1)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 from zoo import DEAD_CENTRE
 
 import hfsim.maths.matrices
@@ -13,6 +14,7 @@ from hfsim.integrators._tableau import gauss, radau
 from hfsim.integrators.derivative import computed, derivative
 from hfsim.maths.matrices import assemble, dense, is_sparse
 from hfsim.mechanics.equations import Equations
+from hfsim.mechanics.increments import NaturalIncrements
 from hfsim.mechanics.reduction import Reduction
 from hfsim.mechanics.turning import Turning
 from hfsim.scene.build import build
@@ -308,7 +310,7 @@ def problem_of(scene, natural=False):
 @pytest.mark.parametrize("damping", ["", ", axial_damping: 1e-3, bending_damping: 0.02"], ids=["", "damped"])
 @pytest.mark.parametrize("natural", [False, True])
 @pytest.mark.parametrize("name", SCENES)
-def test_corrections_are_alike_dense_and_sparse(name, natural, damping, switch):
+def test_corrections_are_alike_dense_and_sparse(name, natural, damping, switch, monkeypatch):
     """Modes, matrices of motions, and factors for each pole solve the same equations."""
     table, h = gauss(4), 3e-3
     scene = scene_of(name, damping)
@@ -322,6 +324,10 @@ def test_corrections_are_alike_dense_and_sparse(name, natural, damping, switch):
             switch()
         scene = scene_of(name, damping)
         problem = problem_of(scene, natural)
+        if natural and kind == "dense":  # what turns is not the same but where all turn as one: see below
+            turning = csr_array(scene.system.natural.turning(scene.system.natural.geometry(q), v[0]))
+        elif natural:
+            monkeypatch.setattr(NaturalIncrements, "turning", lambda *_, known=turning: known)
         d = derivative(problem, 0.0, q[0], v[0], problem.increments if natural else None)
         residual = problem.increments.to_natural(problem.increments.geometry(q), r) if natural else r
         y, change = d.correction(table, h)(d.reading(residual))
@@ -376,8 +382,11 @@ def test_a_state_whose_joints_cannot_be_closed_is_refused_where_asked():
         scene.system.project(np.array([2.0]), q, v, strict=True)
 
 
+@pytest.mark.parametrize("sparse", [False, True], ids=["dense", "sparse"])
 @pytest.mark.parametrize("name", ["chain", "from the tip", "hub", "hinged on the hub", "loop"])
-def test_changes_turn_with_everything_while_natural_increments_stand_still(name):
+def test_changes_turn_with_everything_while_natural_increments_stand_still(name, sparse, monkeypatch):
+    if sparse:
+        monkeypatch.setattr("hfsim.scene.build.dense_up_to", lambda *sizes: 0)
     scene = scene_of(name)
     system, reduction = scene.system, scene.system.reduction
     q, _ = states(scene, 1, 0.05)
@@ -390,5 +399,35 @@ def test_changes_turn_with_everything_while_natural_increments_stand_still(name)
     found = system.natural.turning(system.natural.geometry(q), reduction.free_rates(turn.rates(x))[0])
     eps = 1e-4
     rates = (spread(eps) - spread(-eps)) @ np.linalg.inv(spread(0.0)) / (2.0 * eps)
+    if sparse and name == "hinged on the hub":  # there nothing turns that nothing holds
+        rates[reduction.free_columns(scene.bodies["b2"].columns)] = 0.0
     assert np.abs(rates).max() > 0.5
-    assert found == pytest.approx(rates, abs=1e-6)
+    assert is_sparse(found) == sparse
+    assert dense(found) == pytest.approx(rates, abs=1e-6)
+
+
+def test_turning_fills_no_matrix_of_a_long_chain(monkeypatch):
+    """Entries stand where mass and stiffness have theirs, and are twice as many in twice the chain."""
+    monkeypatch.setattr("hfsim.scene.build.dense_up_to", lambda *sizes: 0)
+    counts = []
+    for beams in (20, 40):
+        scene = build(parse_deck(chain_of(beams)))
+        q, v = states(scene, 1, 1e-3)
+        problem = problem_of(scene)
+        still, turning = (
+            derivative(problem, 0.0, q[0], v[0], natural).at for natural in (None, scene.system.natural)
+        )
+        assert abs(turning.stiffness - still.stiffness).max() > 0.1
+        assert turning.stiffness.nnz <= (abs(still.stiffness) + abs(still.mass)).nnz
+        counts.append(turning.stiffness.nnz)
+    assert counts[1] < 2.1 * counts[0]
+
+
+def chain_of(beams):
+    """Return a deck of hinged beams of one element each."""
+    one = "  b{}: {{type: beam, material: soft, section: bar, length: 0.1, elements: 1}}\n"
+    hinge = "  j{}: {{type: revolute, between: [b{}.tip, b{}.root]}}\n"
+    bodies = "".join(one.format(k) for k in range(beams))
+    hinges = "".join(hinge.format(k, k, k + 1) for k in range(beams - 1))
+    pin = "joints:\n  pin: {type: revolute, between: [ground, b0.root]}\n"
+    return f"{HEAD.partition('bodies:')[0]}bodies:\n{bodies}{pin}{hinges}"

@@ -47,14 +47,15 @@ class PlanarIncrements(BodyIncrements):
         out[:, self.columns] = z.reshape(len(out), -1).view(np.float64)
 
     def turned(self) -> Entries:
-        """Return the map from changes to their rates where beams turn at 1 rad/s about their first nodes."""
+        """Return the map from changes to their rates where all vectors of beams turn at 1 rad/s."""
+        x = np.arange(self.columns.start, self.columns.stop).reshape(-1, 2)
+        return Entries.of_turns(x, x)
+
+    def shifted(self) -> Entries:
+        """Return what makes of these rates those about their first nodes."""
         x = np.arange(self.columns.start, self.columns.stop).reshape(self.bodies, -1, 2)
         places = x[:, :: self.stride]
-        roots = np.broadcast_to(places[:, :1], places.shape)
-        signs = np.array([-1.0, 1.0])
-        own = x, x[..., ::-1], np.broadcast_to(signs, x.shape)
-        less = places, roots[..., ::-1], np.broadcast_to(-signs, places.shape)
-        return Entries.joined(Entries(*(one.ravel() for one in part)) for part in (own, less))
+        return Entries.of_turns(places, np.broadcast_to(places[:, :1], places.shape), -1.0)
 
 
 @frozen
