@@ -87,7 +87,7 @@ def test_matrices_of_linear_sections_are_some_of_what_a_run_takes(model):
 
 def test_factors_of_low_order_are_what_a_run_takes(tmp_path):
     """Peak of a run, beyond what its assembly takes, against what is expected of it."""
-    settings = ["solve.model=lowOrder", "bodies.b1.elements=64", "solve.duration=0.002"]
+    settings = ["solve.model=lowOrder", "bodies.b1.elements=40", "solve.duration=0.002"]
     body = build(load_deck(CASE, settings)).bodies["b1"]
     settings = [f"--set={one}" for one in settings]
     before = checked("pendulum", *settings)[-1]
