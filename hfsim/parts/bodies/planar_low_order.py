@@ -110,7 +110,14 @@ class LowOrderBeam(ForeshortenedBeam):
         each = own.of_elements(v)
         bent = own.bent(each)
         values = own.values(own.of_elements(w)), own.values(each)
-        return _Fields(*values, bent, 0.5 * own.short(bent, each))
+        return _Fields(*values, bent, 0.5 * self._short(bent, each))
+
+    def _weighted(self, force: Array, bent: Array) -> Array:
+        return self.shortening.weighted(force[:, None], bent, self.n_v)[:, 0]
+
+    def _short(self, bent: Array, v: Array) -> Array:
+        """Return u^T H v at the points, (n_batch, n_points), of coordinates u of elements."""
+        return self.shortening.short(bent, v[:, None])[:, 0]
 
     def mass(self, x: Array) -> Array:
         """Return the mass matrix (10)-(12) kept as eq. (46) says, shape (n_batch, n, n)."""
@@ -136,22 +143,25 @@ class LowOrderBeam(ForeshortenedBeam):
 
     def momenta(self, x: Array, rates: Array) -> Array:
         """Return the mass matrix times rates, (n_batch, m, n)."""
-        return self._momenta(x, self._fields(x), rates)
-
-    def _momenta(self, x: Array, f: _Fields, rates: Array) -> Array:
-        own, m = self.shortening, self.points[1]
+        own, f = self.shortening, self._fields(x)
         theta, omega = self.split(x)[1][:, None], rates[..., TURN, None]
         dr = rotate(-theta, rates[..., PLACE])[..., None]
         dw, dv = own.of_elements(rates[..., self.of_w]), own.of_elements(rates[..., self.of_v])
-        bent, v, axial = f.bent[:, None], f.v[:, None], self._axial(f)[:, None]
-        along = (dr[..., 0, :] - omega * v + own.values(dw) - own.short(bent, dv)) * m
-        across = (dr[..., 1, :] + omega * axial + own.values(dv)) * m
+        along = dr[..., 0, :] - omega * f.v[:, None] + own.values(dw) - own.short(f.bent, dv)
+        across = dr[..., 1, :] + omega * self._axial(f)[:, None] + own.values(dv)
+        return self._momenta(theta, f, omega, along, across)
+
+    def _momenta(self, theta: Array, f: _Fields, omega: Array, along: Array, across: Array) -> Array:
+        """Return the momenta of velocities of the points, in the frame, (n_batch, m, n_points)."""
+        own, m = self.shortening, self.points[1]
         left_out = omega * self._left_out(f)[:, None] @ m[:, None]
-        P = np.empty(rates.shape)
+        along, across = along * m, across * m
+        P = np.empty((*along.shape[:2], self.n))
         P[..., PLACE] = rotate(theta, np.stack([along.sum(axis=-1), across.sum(axis=-1)], axis=-1))
-        P[..., TURN] = np.sum(axial * across - v * along, axis=-1) + left_out[..., 0]
+        turning = self._axial(f)[:, None] * across - f.v[:, None] * along
+        P[..., TURN] = turning.sum(axis=-1) + left_out[..., 0]
         P[..., self.of_w] = own.pulled(along, self.n_w)
-        P[..., self.of_v] = own.pulled(across, self.n_v) - own.weighted(along, bent, self.n_v)
+        P[..., self.of_v] = own.pulled(across, self.n_v) - own.weighted(along, f.bent, self.n_v)
         return P
 
     @property
@@ -161,8 +171,8 @@ class LowOrderBeam(ForeshortenedBeam):
 
     def condensed(self, x: Array) -> tuple[Array, Callable[[Array], Array]]:
         """Return rows of the mass matrix, of the coordinates before, and what solves with the rest of it."""
-        f, n = self._fields(x), self.n_v
-        rows = self._momenta(x, f, np.broadcast_to(np.eye(self.inner, self.n), (len(x), self.inner, self.n)))
+        f, n, theta = self._fields(x), self.n_v, self.split(x)[1]
+        rows = self._momenta(theta[:, None], f, *self._outer_motions(theta, f))
         solve = self.shortening.solver([f.bent])
 
         def solved(force: Array) -> Array:
@@ -170,6 +180,16 @@ class LowOrderBeam(ForeshortenedBeam):
             return np.concatenate([found[..., 0], found[..., 1]], axis=-1)
 
         return rows, solved
+
+    def _outer_motions(self, theta: Array, f: _Fields) -> tuple[Array, Array, Array]:
+        """Return unit motions of place, angle and stretch at the root as `_momenta` takes them."""
+        b, points = f.w.shape
+        along, across = np.zeros((2, b, self.inner, points))
+        along[:, 0], along[:, 1] = np.cos(theta)[:, None], np.sin(theta)[:, None]
+        across[:, 0], across[:, 1] = -along[:, 1], along[:, 0]
+        along[:, TURN], across[:, TURN] = -f.v, self._axial(f)
+        along[:, RIGID] = self.points[2][:, 0]
+        return (np.arange(self.inner) == TURN).astype(float)[:, None], along, across
 
     def _axial(self, f: _Fields) -> Array:
         return np.asarray(self.points[0] + f.w - f.short)
@@ -204,8 +224,8 @@ class LowOrderBeam(ForeshortenedBeam):
         own, place, m = self.shortening, *self.points[:2]
         theta, (_, omega, dw, dv) = self.split(x)[1], self.split(u)
         omega, rates = omega[:, None], own.of_elements(dv)
-        w1, v1, short1 = own.values(own.of_elements(dw)), own.values(rates), own.short(f.bent, rates)
-        short2 = own.short(own.bent(rates), rates)
+        w1, v1, short1 = own.values(own.of_elements(dw)), own.values(rates), self._short(f.bent, rates)
+        short2 = self._short(own.bent(rates), rates)
         along = -(omega**2) * self._axial(f) - 2.0 * omega * v1 - short2
         across = -(omega**2) * f.v + 2.0 * omega * (w1 - short1)
         Q = np.zeros((len(x), self.n))
@@ -219,7 +239,7 @@ class LowOrderBeam(ForeshortenedBeam):
             lever = lever - omega**2 * f.short + short2
         Q[:, TURN] = -rotary @ m
         Q[:, self.of_w] = -own.pulled(along * m, self.n_w)
-        Q[:, self.of_v] = -own.pulled(across * m, self.n_v) - own.weighted(lever * m, f.bent, self.n_v)
+        Q[:, self.of_v] = -own.pulled(across * m, self.n_v) - self._weighted(lever * m, f.bent)
         return Q
 
     def _gravity_force(self, f: _Fields, x: Array) -> Array:
@@ -231,7 +251,7 @@ class LowOrderBeam(ForeshortenedBeam):
         arm = np.stack([self._axial(f) @ m, f.v @ m], axis=-1)
         Q[:, TURN] = np.sum(normal(arm) * g, axis=-1)
         Q[:, self.of_w] = g[:, :1] * own.pulled(m, self.n_w)
-        bent = own.weighted(np.broadcast_to(m, f.v.shape), f.bent, self.n_v)
+        bent = self._weighted(np.broadcast_to(m, f.v.shape), f.bent)
         Q[:, self.of_v] = g[:, 1:] * own.pulled(m, self.n_v) - g[:, :1] * bent
         return Q
 

@@ -118,20 +118,20 @@ class Shortening:
         return np.asarray((own @ self._bendings).reshape(*own.shape[:-1], -1, own.shape[-1]))
 
     def short(self, bent: Array, own: Array) -> Array:
-        """Return u^T H v at the points (..., n_points), of H v and coordinates u of elements."""
-        shares = (bent @ own[..., None])[..., 0]
+        """Return u^T H v at the points, (n_batch, m, n_points), of H v and coordinates u of elements.
+
+        H v has shape (n_batch, n_elements, P + 1, k), u has (n_batch, m, n_elements, k).
+        """
+        shares = (bent @ own.transpose(0, 2, 3, 1)).transpose(0, 3, 1, 2)
         before = shares[..., -1] @ self._before
         return self._flat(shares[..., :-1] + before[..., None])
 
     def weighted(self, force: Array, bent: Array, n: int) -> Array:
-        """Return the sum of H v over the points, with weights (..., n_points): (..., n)."""
-        return self.onto((self._weights(force)[..., None, :] @ bent)[..., 0, :], n)
-
-    def _weights(self, force: Array) -> Array:
-        """Return weights of the points and the end of each element, (..., n_elements, P + 1)."""
+        """Return the sums of H v over the points, with weights (n_batch, m, n_points): (n_batch, m, n)."""
         each = self._by_element(force)
         beyond = each.sum(axis=-1) @ self._before.T
-        return np.concatenate([each, beyond[..., None]], axis=-1)
+        weights = np.concatenate([each, beyond[..., None]], axis=-1)
+        return self.onto((weights.swapaxes(1, 2) @ bent).swapaxes(1, 2), n)
 
     def rows(self, bent: Array) -> Array:
         """Return H v at the points as full rows, (n_batch, n_points, n_v)."""

@@ -74,7 +74,8 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
 
     def _short(self, bent: Array, v: Array) -> Array:
         """Return u^T H v of both deflections, of H v and coordinates u of elements (n_batch, 2, ...)."""
-        return np.asarray(self.shortening.short(bent, v).sum(axis=1))
+        pairs = (self.shortening.short(bent[:, c], v[:, None, c])[:, 0] for c in _TWO)
+        return np.asarray(sum(pairs))
 
     def _axial(self, f: _Fields) -> Array:
         return np.asarray(self.points[0] + f.w - f.short)
@@ -186,7 +187,7 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
         F[:, :, 1:, 0] = own.pulled(each[:, :, 0], n_w)
         for c in _TWO:
             F[:, :, 1, 1 + c] = np.sum(each[:, :, 1 + c] * axial - each[:, :, 0] * v[:, :, c], axis=2)
-            bent = own.weighted(each[:, :, 0], f.bent[:, None, c], n_v)
+            bent = own.weighted(each[:, :, 0], f.bent[:, c], n_v)
             F[:, :, 2:, 1 + c] = own.pulled(each[:, :, 1 + c], n_v) - bent
         return F
 
@@ -199,7 +200,7 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
         a[:, :, 0] = root[:, :, 0] + own.values(own.of_elements(w)) - turned
         for c in _TWO:
             each = own.of_elements(v[:, :, c])
-            a[:, :, 0] -= own.short(f.bent[:, None, c], each)
+            a[:, :, 0] -= own.short(f.bent[:, c], each)
             a[:, :, 1 + c] = root[:, :, 1 + c] + beta[:, :, c] * self._axial(f)[:, None] + own.values(each)
         F = self._pulled(f, a)
         F[:, :, 1, ACROSS] += (self._left_out(f) @ self.points[1])[:, None, None] * beta[..., 0]
@@ -220,7 +221,7 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
             dropped = (square * f.short - short2) * m
             across = (f.short * spun - 2.0 * (f.short * (w1 - short1) + f.w * short1)) * m
             for c in _TWO:
-                F[:, 2:, 1 + c] += own.weighted(dropped, f.bent[:, c], self.n_v)
+                F[:, 2:, 1 + c] += own.weighted(dropped[:, None], f.bent[:, c], self.n_v)[:, 0]
                 F[:, 1, 1 + c] += np.sum(dropped * f.v[:, c] - across * beta[:, c], axis=1)
         return -F
 
