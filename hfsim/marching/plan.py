@@ -75,8 +75,8 @@ def algebra(scene: Scene) -> str:
     grows = "cost grows with the square of the unknowns, that of a derivative with the cube"
     if scene.system.variable_mass:
         return (
-            "dense at any size, because the mass matrix of lowOrder is full and changes: cost of a call grows "
-            "with the unknowns, that of a derivative with their cube"
+            "dense at any size, because the mass matrix of lowOrder is full and changes: cost of a call "
+            "grows with the unknowns, that of a derivative with their cube"
         )
     if scene.system.charts:
         return f"dense at any size, because the steps are made in body frames: {grows}"

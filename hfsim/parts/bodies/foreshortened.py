@@ -123,15 +123,23 @@ class ForeshortenedBeam(ForcePart):
         return Shortening(self.mesh, *self._rule, len(self.gravity) - 1)
 
     @cached_property
-    def points(self) -> tuple[Array, Array, Array, Array]:
-        """Quadrature along the beam: x, mass of each point, N_w and N_v.
+    def points(self) -> tuple[Array, Array]:
+        """Places of the quadrature points along the beam, and their masses.
 
         Twice the degree of the shapes is the number of points an element that integrates the terms of
         highest degree (H H, degree 10 with cubics) exactly.
         """
         x = (np.arange(self.mesh.count)[:, None] + self._rule[0]).ravel() * self.mesh.element.length
-        N = self.mesh.shape(x)
-        return x, self.shortening.mass.ravel(), N[:, 1:], N[:, 2:]
+        return x, self.shortening.mass.ravel()
+
+    def mass(self, x: Array) -> Array:
+        """Return the mass matrix (10)-(12) kept as eq. (46) says, shape (n_batch, n, n)."""
+        n = self.columns.stop - self.columns.start
+        return self.momenta(x, np.broadcast_to(np.eye(n), (len(x), n, n)))
+
+    def momenta(self, x: Array, rates: Array) -> Array:
+        """Return the mass matrix times rates, (n_batch, m, n)."""
+        raise NotImplementedError
 
     def foreshortening(self, x: float) -> Array:
         """Return H(x) = int_0^x N_v'^T N_v', shape (n_v, n_v) [1/m]."""

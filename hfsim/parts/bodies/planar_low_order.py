@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, BoolArray
+from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import normal, rotate
 from hfsim.maths.shapes import gauss_legendre
@@ -77,11 +77,6 @@ class LowOrderBeam(ForeshortenedBeam):
         return slice(self.columns.start + RIGID, self.columns.stop)
 
     @cached_property
-    def _below(self) -> BoolArray:
-        """Which entries of a matrix (n, n) are below its diagonal."""
-        return np.tri(self.n, k=-1, dtype=bool)
-
-    @cached_property
     def _resisting(self) -> tuple[Array, Array]:
         """Matrix of EA w'' and EI v'''' over all elastic coordinates, and that of their damping."""
         le = self.mesh.element.length
@@ -118,28 +113,6 @@ class LowOrderBeam(ForeshortenedBeam):
     def _short(self, bent: Array, v: Array) -> Array:
         """Return u^T H v at the points, (n_batch, n_points), of coordinates u of elements."""
         return self.shortening.short(bent, v[:, None])[:, 0]
-
-    def mass(self, x: Array) -> Array:
-        """Return the mass matrix (10)-(12) kept as eq. (46) says, shape (n_batch, n, n)."""
-        place, m, N_w, N_v = self.points
-        f = self._fields(x)
-        Hv = self.shortening.rows(f.bent)
-        theta = self.split(x)[1]
-        W, V, nw = self.of_w, self.of_v, self.n_w
-        M = np.zeros((len(x), self.n, self.n))
-        axial = place + f.w - f.short
-        M[:, 0, 0] = M[:, 1, 1] = m.sum()
-        M[:, PLACE, TURN] = rotate(theta, np.stack([-(f.v @ m), axial @ m], axis=-1))
-        along = np.concatenate([np.broadcast_to(m @ N_w, (len(x), nw)), -(m @ Hv)], axis=1)
-        across = np.broadcast_to(np.concatenate([np.zeros(nw), m @ N_v]), along.shape)
-        M[:, PLACE, RIGID:] = rotate(theta[:, None], np.stack([along, across], axis=-1)).swapaxes(1, 2)
-        M[:, TURN, TURN] = (axial**2 + f.v**2 + self._left_out(f)) @ m
-        M[:, TURN, W] = -(f.v * m) @ N_w
-        M[:, TURN, V] = (axial * m) @ N_v + ((f.v * m)[:, None] @ Hv)[:, 0]
-        M[:, W, W] = (N_w.T * m) @ N_w
-        M[:, W, V] = -((N_w.T * m) @ Hv)
-        M[:, V, V] = (N_v.T * m) @ N_v + (Hv.swapaxes(1, 2) * m) @ Hv
-        return np.where(self._below, M.swapaxes(1, 2), M)
 
     def momenta(self, x: Array, rates: Array) -> Array:
         """Return the mass matrix times rates, (n_batch, m, n)."""
@@ -188,7 +161,7 @@ class LowOrderBeam(ForeshortenedBeam):
         along[:, 0], along[:, 1] = np.cos(theta)[:, None], np.sin(theta)[:, None]
         across[:, 0], across[:, 1] = -along[:, 1], along[:, 0]
         along[:, TURN], across[:, TURN] = -f.v, self._axial(f)
-        along[:, RIGID] = self.points[2][:, 0]
+        along[:, RIGID] = self.shortening.values(self.shortening.of_elements(np.eye(1, self.n_w)))
         return (np.arange(self.inner) == TURN).astype(float)[:, None], along, across
 
     def _axial(self, f: _Fields) -> Array:
@@ -203,7 +176,7 @@ class LowOrderBeam(ForeshortenedBeam):
 
     def third_order_inertia(self, x: Array) -> float:
         """Return the largest part of the moment of inertia that eq. (46) leaves out, over the part kept."""
-        place, m = self.points[:2]
+        place, m = self.points
         return float(np.abs(self._third_order(self._fields(x)) @ m).max(initial=0.0) / (place**2 @ m))
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
@@ -221,7 +194,7 @@ class LowOrderBeam(ForeshortenedBeam):
         return x[:, self._elastic]
 
     def _inertia_force(self, f: _Fields, x: Array, u: Array) -> Array:
-        own, place, m = self.shortening, *self.points[:2]
+        own, place, m = self.shortening, *self.points
         theta, (_, omega, dw, dv) = self.split(x)[1], self.split(u)
         omega, rates = omega[:, None], own.of_elements(dv)
         w1, v1, short1 = own.values(own.of_elements(dw)), own.values(rates), self._short(f.bent, rates)

@@ -133,16 +133,6 @@ class Shortening:
         weights = np.concatenate([each, beyond[..., None]], axis=-1)
         return self.onto((weights.swapaxes(1, 2) @ bent).swapaxes(1, 2), n)
 
-    def rows(self, bent: Array) -> Array:
-        """Return H v at the points as full rows, (n_batch, n_points, n_v)."""
-        b, count, points, k = bent.shape
-        every = self._before.T[:, None, :, None] * bent[:, None, None, :, -1]
-        every = np.broadcast_to(every, (b, count, points - 1, count, k)).copy()
-        some = np.arange(count)
-        every[:, some, :, some] += bent[:, :, :-1].swapaxes(0, 1)
-        n = count * self.mesh.element.stride
-        return self.onto(every, n).reshape(b, -1, n)
-
     # ------------------------------------------------------------------ solution
 
     def solver(self, bent: Sequence[Array]) -> Callable[[Array], Array]:

@@ -82,44 +82,6 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
 
     # ------------------------------------------------------------------ mass
 
-    def mass(self, x: Array) -> Array:
-        """Return the mass matrix (10)-(12) kept as eq. (46) says, shape (n_batch, n, n)."""
-        frame = self.frame(x)
-        M = self._local_mass(self._fields(frame))
-        n = 3 * self.mesh.n_vectors
-        half = frame.onto_vectors(M.reshape(len(x), n, -1, 3)).reshape(len(x), n, n)
-        whole = half.swapaxes(1, 2).reshape(len(x), n, -1, 3)
-        return frame.onto_vectors(whole).reshape(len(x), n, n)
-
-    def _local_mass(self, f: _Fields) -> Array:
-        """Return that of the coordinates in the frame, shape (n_batch, n_vectors, 3, n_vectors, 3)."""
-        _, m, N_w, N_v = self.points
-        axial, K = self._axial(f), self.mesh.n_vectors
-        Hv = [self.shortening.rows(f.bent[:, c]) for c in _TWO]
-        M = np.zeros((len(f.w), K, 3, K, 3))
-        M[:, 0, 0, 1:, 0] = m @ N_w
-        for c in _TWO:
-            y, own = 1 + c, f.v[:, c] * m
-            M[:, 0, 0, 1, y] = -own.sum(axis=1)
-            M[:, 0, y, 1, y] = axial @ m
-            M[:, 0, 0, 2:, y] = -(m @ Hv[c])
-            M[:, 0, y, 2:, y] = m @ N_v
-            M[:, 1, y, 1:, 0] = -own @ N_w
-            M[:, 1:, 0, 2:, y] -= (N_w.T * m) @ Hv[c]
-            M[:, 1, y, 2:, y] = (axial * m) @ N_v
-            for d in _TWO:
-                M[:, 1, y, 2:, 1 + d] += (own[:, None] @ Hv[d])[:, 0]
-        M += M.transpose(0, 3, 4, 1, 2)
-        M[:, 0, range(3), 0, range(3)] = m.sum()
-        M[:, 1:, 0, 1:, 0] += (N_w.T * m) @ N_w
-        for c in _TWO:
-            for d in _TWO:
-                M[:, 1, 1 + c, 1, 1 + d] = (f.v[:, c] * f.v[:, d]) @ m
-                M[:, 2:, 1 + c, 2:, 1 + d] = (Hv[c].swapaxes(1, 2) * m) @ Hv[d]
-            M[:, 1, 1 + c, 1, 1 + c] += (axial**2 + self._left_out(f)) @ m
-            M[:, 2:, 1 + c, 2:, 1 + c] += (N_v.T * m) @ N_v
-        return M
-
     def momenta(self, x: Array, rates: Array) -> Array:
         """Return the mass matrix times rates, (n_batch, m, n)."""
         frame = self.frame(x)
@@ -161,7 +123,7 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
 
     def third_order_inertia(self, x: Array) -> float:
         """Return the largest part of the moment of inertia that eq. (46) leaves out, over the part kept."""
-        place, m = self.points[:2]
+        place, m = self.points
         left_out = self._third_order(self._fields(self.frame(x))) @ m
         return float(np.abs(left_out).max(initial=0.0) / (place**2 @ m))
 
