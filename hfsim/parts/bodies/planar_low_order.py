@@ -15,7 +15,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
-from hfsim.maths.rotations import normal, rotate
+from hfsim.maths.rotations import rotate
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.foreshortened import ForeshortenedBeam
@@ -216,17 +216,10 @@ class LowOrderBeam(ForeshortenedBeam):
         return Q
 
     def _gravity_force(self, f: _Fields, x: Array) -> Array:
-        own, m = self.shortening, self.points[1]
-        r0, theta, _, _ = self.split(x)
-        g = rotate(-theta, np.broadcast_to(np.array(self.gravity), r0.shape))
-        Q = np.zeros((len(x), self.n))
-        Q[:, PLACE] = m.sum() * np.array(self.gravity)
-        arm = np.stack([self._axial(f) @ m, f.v @ m], axis=-1)
-        Q[:, TURN] = np.sum(normal(arm) * g, axis=-1)
-        Q[:, self.of_w] = g[:, :1] * own.pulled(m, self.n_w)
-        bent = self._weighted(np.broadcast_to(m, f.v.shape), f.bent)
-        Q[:, self.of_v] = g[:, 1:] * own.pulled(m, self.n_v) - g[:, :1] * bent
-        return Q
+        theta = self.split(x)[1][:, None]
+        g = rotate(-theta, np.broadcast_to(np.array(self.gravity), (len(x), 1, 2)))
+        falling = (np.broadcast_to(g[..., k, None], (len(x), 1, self.n_points)) for k in range(2))
+        return self._momenta(theta, f, np.zeros((1, 1)), *falling)[:, 0]
 
     def kinetic_energy(self, x: Array, u: Array) -> Array:
         """Return 1/2 u^T M u with the mass matrix of the model [J]."""
