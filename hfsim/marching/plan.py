@@ -68,10 +68,12 @@ def _variable(scene: Scene) -> int:
 
 def algebra(scene: Scene) -> str:
     """Return which matrices are used, and how their cost grows."""
-    system = scene.system
-    most = dense_up_to(system.n_x, sum(one.rows for one in system.constraints), scene.deck.dimension)
+    system, plane = scene.system, scene.deck.dimension == 2
+    constraints = system.equations.constraints if plane else system.constraints
+    n, unit = (system.n, "unknowns") if plane else (system.n_x, "coordinates")
+    most = dense_up_to(n, sum(one.rows for one in constraints), scene.deck.dimension)
     if is_sparse(system.equations.constant_mass):
-        return f"sparse, from {most + 1} coordinates on: cost grows with the number of elements"
+        return f"sparse, from {most + 1} {unit} on: cost grows with the number of elements"
     grows = "cost grows with the square of the unknowns, that of a derivative with the cube"
     if scene.system.variable_mass:
         return (
@@ -80,7 +82,7 @@ def algebra(scene: Scene) -> str:
         )
     if scene.system.charts:
         return f"dense at any size, because the steps are made in body frames: {grows}"
-    return f"dense: {grows}; sparse from {most + 1} coordinates on (not for lowOrder or body frames)"
+    return f"dense: {grows}; sparse from {most + 1} {unit} on (not for lowOrder or body frames)"
 
 
 # --- what is kept --------------------------------------------------------------------------------

@@ -339,14 +339,17 @@ def _system(
     angles: Mapping[str, float],
 ) -> System:
     n, every = len(x), bodies.values()
-    dense = n <= dense_up_to(n, sum(one.rows for one in constraints), deck.dimension)
-    sparse = not dense and all(body.banded for body in every)
+    moving = {name: body for name, body in bodies.items() if not body.still}
+    eliminated = partial(eliminate, moving, () if keeps(deck, "tree_joints") else constraints, x=x)
+    sparse = not _few(n, constraints, deck.dimension) and all(body.banded for body in every)
+    free = eliminated(sparse=sparse)
+    left = tuple(one for k, one in enumerate(constraints) if k not in free.reduction.eliminated)
+    if sparse and deck.dimension == 2 and _few(len(free.reduction.rows), left, 2):
+        sparse, free = False, eliminated(sparse=False)
     mass = assemble([body.mass_entries() for body in every], (n, n), sparse)
     variable = tuple(one for body in every if (one := body.variable_mass) is not None)
     own = (part for body in every for part in body.forces(n))
     needed = (part for part in own if not (part.idle and left_out.fires(part.rule)))
-    moving = {name: body for name, body in bodies.items() if not body.still}
-    free = eliminate(moving, () if keeps(deck, "tree_joints") else constraints, sparse, x)
     charts = side_by_side(body.chart() for body in every)
     at = partial(find_marker, bodies=bodies, deck=deck, held=True)
     lacking = [body.ballast() for body in every]
@@ -360,3 +363,8 @@ def _system(
         keeps_rates=not left_out.fires("rates"),
         keeps_work=not left_out.fires("work"),
     )
+
+
+def _few(coordinates: int, constraints: tuple[Constraint, ...], n_dim: int) -> bool:
+    """Tell whether there are so few coordinates that dense matrices are the faster ones."""
+    return coordinates <= dense_up_to(coordinates, sum(one.rows for one in constraints), n_dim)

@@ -423,6 +423,13 @@ def test_turning_fills_no_matrix_of_a_long_chain(monkeypatch):
     assert counts[1] < 2.1 * counts[0]
 
 
+@pytest.mark.parametrize(("beams", "sparse"), [(31, False), (41, False), (42, True)])
+def test_matrices_are_dense_by_what_joints_leave(beams, sparse):
+    system = build(parse_deck(chain_of(beams))).system
+    assert system.n == 6 * beams and system.n_x == 8 * beams
+    assert is_sparse(system.equations.constant_mass) == is_sparse(system.reduction.basis) == sparse
+
+
 def chain_of(beams):
     """Return a deck of hinged beams of one element each."""
     one = "  b{}: {{type: beam, material: soft, section: bar, length: 0.1, elements: 1}}\n"
