@@ -27,8 +27,8 @@ DENSE_IN_SPACE, DENSE_WITH_AXES = 300, 400
 SOFT = 1e-6
 """Stiffness, over the largest of a matrix, below which a coordinate is not measured by its own."""
 LONG, ASIDE, FEW_LONG = 48, 10.0, 1.0 / 16.0
-"""Entries that make a column long, over the root of their number such as COLAMD sets aside, and which part of
-the columns may be long."""
+"""Entries from which a column is long, those over the root of the number of columns from which COLAMD sets it
+aside, and which part of the columns may be long."""
 MANY, MANY_IN_SPACE = 0.4, 0.2
 """Equations of joints and axes, over coordinates, that are many."""
 

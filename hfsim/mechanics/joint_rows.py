@@ -63,6 +63,11 @@ class End(NamedTuple):
         """Return the block, shape (n_batch or 1, rows, k)."""
         return self.constraint.jacobian(self.number, x)[..., self.kept]
 
+    def values(self, x: Array) -> Array:
+        """Return its entries, shape (n_batch, n_entries)."""
+        block = self.jacobian(x)
+        return np.broadcast_to(block.reshape(len(block), -1), (len(x), block[0].size))
+
 
 @frozen
 class JointRows:
@@ -249,7 +254,7 @@ class JointRows:
         still = self._still_entries
         parts = [still._replace(values=np.broadcast_to(still.values, (len(x), still.values.shape[1])))]
         changing = zip(self._changing_ends, self._changing_places, strict=True)
-        parts += [Entries(*places, _values(end, x)) for end, places in changing]
+        parts += [Entries(*places, end.values(x)) for end, places in changing]
         if self._products is not None:
             parts.append(self._products.entries(x))
         return Entries.joined(parts)
@@ -259,7 +264,7 @@ class JointRows:
         """Those that never change, values (1, n_entries)."""
         nothing = NOTHING._replace(values=np.zeros((1, 0)))
         still = (end for end in self.ends if end.still)
-        return Entries.joined([nothing, *(Entries(*end.places, _values(end, self._origin)) for end in still)])
+        return Entries.joined([nothing, *(Entries(*end.places, end.values(self._origin)) for end in still)])
 
     @cached_property
     def _changing_places(self) -> tuple[tuple[IntArray, IntArray], ...]:
@@ -305,9 +310,3 @@ class JointRows:
         if self._products:
             bend[self._products.rows] = self._products.bend()
         return bend
-
-
-def _values(end: End, x: Array) -> Array:
-    """Return the entries of an end's block in states (n_batch, n_x), (n_batch, n_entries)."""
-    block = end.jacobian(x)
-    return np.broadcast_to(block.reshape(len(block), -1), (len(x), block[0].size))

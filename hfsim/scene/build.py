@@ -341,6 +341,7 @@ def _system(
     n, every = len(x), bodies.values()
     moving = {name: body for name, body in bodies.items() if not body.still}
     eliminated = partial(eliminate, moving, () if keeps(deck, "tree_joints") else constraints, x=x)
+    # of all coordinates first: sparse matrices, with which it is known what is left, take an import
     sparse = not _few(n, constraints, deck.dimension) and all(body.banded for body in every)
     free = eliminated(sparse=sparse)
     left = tuple(one for k, one in enumerate(constraints) if k not in free.reduction.eliminated)

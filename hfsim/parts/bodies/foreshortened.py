@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,24 @@ down to it."""
 
 FACTORS = 350.0
 """Full matrices that factors of derivatives by differences take: measured, 98 to 354 with 264 to 780 rows."""
+
+
+class Fields(NamedTuple):
+    """Values at the quadrature points, (n_batch, n_points).
+
+    Attributes
+    ----------
+    v, bent : ndarray
+        Deflection and H v, the latter (n_batch, n_elements, P + 1, k), see `Shortening`; in space both have
+        an axis of length two, for the deflections, after the first one.
+    short : ndarray
+        Foreshortening 1/2 v^T H v [m].
+    """
+
+    w: Array
+    v: Array
+    bent: Array
+    short: Array
 
 
 @frozen
@@ -141,16 +159,35 @@ class ForeshortenedBeam(ForcePart):
         """Return the mass matrix times rates, (n_batch, m, n)."""
         raise NotImplementedError
 
+    def kinetic_energy(self, x: Array, u: Array) -> Array:
+        """Return 1/2 u^T M u with the mass matrix of the model [J]."""
+        rates = u[:, None, self.columns]
+        return np.asarray(0.5 * np.sum(self.momenta(x, rates) * rates, axis=(1, 2)))
+
+    def _axial(self, f: Fields) -> Array:
+        return np.asarray(self.points[0] + f.w - f.short)
+
+    def _left_out(self, f: Fields) -> Array:
+        """Return what eq. (46) leaves out of the square of the axial place, the w v^2 and v^4 parts."""
+        return np.zeros_like(f.w) if self.whole else self._third_order(f)
+
+    def _third_order(self, f: Fields) -> Array:
+        return np.asarray(2.0 * f.w * f.short - f.short**2)
+
     def foreshortening(self, x: float) -> Array:
         """Return H(x) = int_0^x N_v'^T N_v', shape (n_v, n_v) [1/m]."""
         place = x / self.mesh.element.length
         whole = min(int(place), self.mesh.count - 1)
-        spans = self.mesh.spans
+        own = self.mesh.spans[: whole + 1]
+        parts = np.repeat(self.shortening.bending(1.0)[None], whole + 1, axis=0)
+        parts[whole] = self.shortening.bending(min(1.0, place - whole))
         H = np.zeros((self.mesh.n_vectors,) * 2)
-        for e in range(whole + 1):
-            own = spans[e]
-            H[np.ix_(own, own)] += self.shortening.bending(1.0 if e < whole else min(1.0, place - whole))
+        np.add.at(H, (own[:, :, None], own[:, None, :]), parts)
         return H[2:, 2:]
+
+    def factors(self, n: int) -> float:
+        """Return its share in the memory that factors take in a scene of n coordinates [B]."""
+        return float(8.0 * FACTORS * n * (self.columns.stop - self.columns.start))
 
 
 @frozen

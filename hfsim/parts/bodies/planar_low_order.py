@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import rotate
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.foreshortened import ForeshortenedBeam
+from hfsim.parts.bodies.foreshortened import Fields, ForeshortenedBeam
 
 PLACE, TURN, RIGID = slice(0, 2), 2, 3
 """Where place and angle of a beam's frame stand among its coordinates, and where its deformation begins."""
@@ -99,13 +98,13 @@ class LowOrderBeam(ForeshortenedBeam):
         b = x[:, self.columns]
         return b[:, PLACE], b[:, TURN], b[:, self.of_w], b[:, self.of_v]
 
-    def _fields(self, x: Array) -> _Fields:
+    def _fields(self, x: Array) -> Fields:
         own = self.shortening
         _, _, w, v = self.split(x)
         each = own.of_elements(v)
         bent = own.bent(each)
         values = own.values(own.of_elements(w)), own.values(each)
-        return _Fields(*values, bent, 0.5 * self._short(bent, each))
+        return Fields(*values, bent, 0.5 * self._short(bent, each))
 
     def _weighted(self, force: Array, bent: Array) -> Array:
         return self.shortening.weighted(force[:, None], bent, self.n_v)[:, 0]
@@ -124,7 +123,7 @@ class LowOrderBeam(ForeshortenedBeam):
         across = dr[..., 1, :] + omega * self._axial(f)[:, None] + own.values(dv)
         return self._momenta(theta, f, omega, along, across)
 
-    def _momenta(self, theta: Array, f: _Fields, omega: Array, along: Array, across: Array) -> Array:
+    def _momenta(self, theta: Array, f: Fields, omega: Array, along: Array, across: Array) -> Array:
         """Return the momenta of velocities of the points, in the frame, (n_batch, m, n_points)."""
         own, m = self.shortening, self.points[1]
         left_out = omega * self._left_out(f)[:, None] @ m[:, None]
@@ -154,7 +153,7 @@ class LowOrderBeam(ForeshortenedBeam):
 
         return rows, solved
 
-    def _outer_motions(self, theta: Array, f: _Fields) -> tuple[Array, Array, Array]:
+    def _outer_motions(self, theta: Array, f: Fields) -> tuple[Array, Array, Array]:
         """Return unit motions of place, angle and stretch at the root as `_momenta` takes them."""
         b, points = f.w.shape
         along, across = np.zeros((2, b, self.inner, points))
@@ -163,16 +162,6 @@ class LowOrderBeam(ForeshortenedBeam):
         along[:, TURN], across[:, TURN] = -f.v, self._axial(f)
         along[:, RIGID] = self.shortening.values(self.shortening.of_elements(np.eye(1, self.n_w)))
         return (np.arange(self.inner) == TURN).astype(float)[:, None], along, across
-
-    def _axial(self, f: _Fields) -> Array:
-        return np.asarray(self.points[0] + f.w - f.short)
-
-    def _left_out(self, f: _Fields) -> Array:
-        """Return what eq. (46) leaves out of s'.s' at the quadrature points, the w v^2 and v^4 parts."""
-        return np.zeros_like(f.w) if self.whole else self._third_order(f)
-
-    def _third_order(self, f: _Fields) -> Array:
-        return np.asarray(2.0 * f.w * f.short - f.short**2)
 
     def third_order_inertia(self, x: Array) -> float:
         """Return the largest part of the moment of inertia that eq. (46) leaves out, over the part kept."""
@@ -193,7 +182,7 @@ class LowOrderBeam(ForeshortenedBeam):
     def _elastic_coordinates(self, x: Array) -> Array:
         return x[:, self._elastic]
 
-    def _inertia_force(self, f: _Fields, x: Array, u: Array) -> Array:
+    def _inertia_force(self, f: Fields, x: Array, u: Array) -> Array:
         own, place, m = self.shortening, *self.points
         theta, (_, omega, dw, dv) = self.split(x)[1], self.split(u)
         omega, rates = omega[:, None], own.of_elements(dv)
@@ -215,16 +204,11 @@ class LowOrderBeam(ForeshortenedBeam):
         Q[:, self.of_v] = -own.pulled(across * m, self.n_v) - self._weighted(lever * m, f.bent)
         return Q
 
-    def _gravity_force(self, f: _Fields, x: Array) -> Array:
+    def _gravity_force(self, f: Fields, x: Array) -> Array:
         theta = self.split(x)[1][:, None]
         g = rotate(-theta, np.broadcast_to(np.array(self.gravity), (len(x), 1, 2)))
         falling = (np.broadcast_to(g[..., k, None], (len(x), 1, self.n_points)) for k in range(2))
         return self._momenta(theta, f, np.zeros((1, 1)), *falling)[:, 0]
-
-    def kinetic_energy(self, x: Array, u: Array) -> Array:
-        """Return 1/2 u^T M u with the mass matrix of the model [J]."""
-        rates = u[:, None, self.columns]
-        return np.asarray(0.5 * np.sum(self.momenta(x, rates) * rates, axis=(1, 2)))
 
     def strain_energy(self, x: Array) -> Array:
         """Return the elastic energy [J]."""
@@ -242,20 +226,3 @@ class LowOrderBeam(ForeshortenedBeam):
         """Return the power that damping takes out [W], never positive."""
         e = self._elastic_coordinates(u)
         return np.asarray(-np.sum((e @ self._resisting[1]) * e, axis=-1))
-
-
-class _Fields(NamedTuple):
-    """Values at the quadrature points, shape (n_batch, n_points).
-
-    Attributes
-    ----------
-    bent : ndarray, shape (n_batch, n_elements, P + 1, k)
-        H v; see `Shortening`.
-    short : ndarray
-        Foreshortening 1/2 v^T H v [m].
-    """
-
-    w: Array
-    v: Array
-    bent: Array
-    short: Array

@@ -18,7 +18,7 @@ from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.foreshortened import FACTORS, ForeshortenedMarker
+from hfsim.parts.bodies.foreshortened import ForeshortenedMarker
 from hfsim.parts.bodies.planar_low_order import PLACE, RIGID, TURN, LowOrderBeam
 
 
@@ -234,7 +234,7 @@ class LowOrderBody(Body):
 
     def tables(self, n: int) -> float:
         """Return its share in the factors of derivatives by differences."""
-        return float(8.0 * FACTORS * n * (self.columns.stop - self.columns.start))
+        return self.beam.factors(n)
 
     def forces(self, n: int) -> Iterator[ForcePart]:
         """Yield inertia, elastic force, damping and weight as one."""

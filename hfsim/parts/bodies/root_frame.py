@@ -83,11 +83,18 @@ class RootFrame(NamedTuple):
         """Deflections, components before vectors: shape (n_batch, 2, n_vectors - 2)."""
         return self.p[:, 2:, ACROSS].swapaxes(1, 2)
 
+    def relative(self, U: Array) -> tuple[Array, Array]:
+        """Return beta (n_batch, m, 2) and rates in the frame from those of absolute vectors.
+
+        The latter, and those in the frame, have shape (n_batch, m, n_vectors, 3).
+        """
+        p1 = (U - self.positions[:, None] * U[..., :1, :]) @ self.A[:, None]
+        beta = p1[..., 1, ACROSS] / self.length[:, None]
+        return beta, p1 - spun_by(beta, self.p[:, None])
+
     def rates(self, U: Array) -> RootRates:
         """Return the rates in the frame from those of the absolute vectors."""
-        p1 = (U - self.positions[:, None] * U[:, :1]) @ self.A
-        beta = p1[:, 1, ACROSS] / self.length
-        p1 = p1 - spun_by(beta, self.p)
+        beta, p1 = (one[:, 0] for one in self.relative(U[:, None]))
         bias = -spun_by(beta, spun_by(beta, self.p)) - 2.0 * spun_by(beta, p1)
         # (lambda'', beta') stand for the second derivative of the first slope
         turning = bias[:, 1, ACROSS] / self.length

@@ -11,34 +11,16 @@ the same however a scene is turned, and in a plane those of `hfsim.parts.bodies.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.foreshortened import ForeshortenedBeam
-from hfsim.parts.bodies.root_frame import ACROSS, RootFrame, RootRates, spun_by
+from hfsim.parts.bodies.foreshortened import Fields, ForeshortenedBeam
+from hfsim.parts.bodies.root_frame import ACROSS, RootFrame, RootRates
 
 _TWO = range(2)
-
-
-class _Fields(NamedTuple):
-    """Values at the quadrature points, (n_batch, n_points) or (n_batch, 2, n_points) of both deflections.
-
-    Attributes
-    ----------
-    bent : ndarray, shape (n_batch, 2, n_elements, P + 1, k)
-        H v; see `Shortening`.
-    short : ndarray
-        Foreshortening [m].
-    """
-
-    w: Array
-    v: Array
-    bent: Array
-    short: Array
 
 
 @frozen
@@ -66,19 +48,16 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
         """Return its body frame in a batch of states."""
         return RootFrame.of(self.vectors(x), self.mesh.positions)
 
-    def _fields(self, frame: RootFrame) -> _Fields:
+    def _fields(self, frame: RootFrame) -> Fields:
         own, v = self.shortening, self.shortening.of_elements(frame.v)
         w = own.values(own.of_elements(frame.p[:, 1:, 0] - self.mesh.undeformed[1:, 0]))
         bent = own.bent(v)
-        return _Fields(w, own.values(v), bent, 0.5 * self._short(bent, v))
+        return Fields(w, own.values(v), bent, 0.5 * self._short(bent, v))
 
     def _short(self, bent: Array, v: Array) -> Array:
         """Return u^T H v of both deflections, of H v and coordinates u of elements (n_batch, 2, ...)."""
         pairs = (self.shortening.short(bent[:, c], v[:, None, c])[:, 0] for c in _TWO)
         return np.asarray(sum(pairs))
-
-    def _axial(self, f: _Fields) -> Array:
-        return np.asarray(self.points[0] + f.w - f.short)
 
     # ------------------------------------------------------------------ mass
 
@@ -87,11 +66,9 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
         frame = self.frame(x)
         return self._momenta(frame, self._fields(frame), rates)
 
-    def _momenta(self, frame: RootFrame, f: _Fields, rates: Array) -> Array:
+    def _momenta(self, frame: RootFrame, f: Fields, rates: Array) -> Array:
         U = rates.reshape(*rates.shape[:2], -1, 3)
-        p1 = (U - frame.positions[:, None] * U[:, :, :1]) @ frame.A[:, None]
-        beta = p1[:, :, 1, ACROSS] / frame.length[:, None]
-        p1 = p1 - spun_by(beta, frame.p[:, None])
+        beta, p1 = frame.relative(U)
         p1[:, :, 0] = (U[:, :, :1] @ frame.A[:, None])[:, :, 0]
         p1[:, :, 1, ACROSS] = beta
         return frame.onto_vectors(self._borne(f, p1)).reshape(rates.shape)
@@ -114,13 +91,6 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
 
         return rows, solved
 
-    def _left_out(self, f: _Fields) -> Array:
-        """Return what eq. (46) leaves out of the square of the axial place, the w v^2 and v^4 parts."""
-        return np.zeros_like(f.w) if self.whole else self._third_order(f)
-
-    def _third_order(self, f: _Fields) -> Array:
-        return np.asarray(2.0 * f.w * f.short - f.short**2)
-
     def third_order_inertia(self, x: Array) -> float:
         """Return the largest part of the moment of inertia that eq. (46) leaves out, over the part kept."""
         place, m = self.points
@@ -139,7 +109,7 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
             force += self._pulled(f, np.broadcast_to(g, (len(x), 3, self.n_points))[:, None])[:, 0]
         out[:, self.columns] += frame.onto_vectors(force[:, None]).reshape(len(x), -1)
 
-    def _pulled(self, f: _Fields, a: Array) -> Array:
+    def _pulled(self, f: Fields, a: Array) -> Array:
         """Return forces on the coordinates of forces per mass at the points, (n_batch, m, 3, n_points)."""
         own, each = self.shortening, a * self.points[1]
         axial, v = self._axial(f)[:, None], f.v[:, None]
@@ -153,7 +123,7 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
             F[:, :, 2:, 1 + c] = own.pulled(each[:, :, 1 + c], n_v) - bent
         return F
 
-    def _borne(self, f: _Fields, rates: Array) -> Array:
+    def _borne(self, f: Fields, rates: Array) -> Array:
         """Return the mass matrix times rates of the coordinates, both (n_batch, m, n_vectors, 3)."""
         own, beta = self.shortening, rates[:, :, 1, ACROSS, None]
         root, w, v = rates[:, :, 0, :, None], rates[:, :, 1:, 0], rates[:, :, 2:, ACROSS].swapaxes(2, 3)
@@ -168,7 +138,7 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
         F[:, :, 1, ACROSS] += (self._left_out(f) @ self.points[1])[:, None, None] * beta[..., 0]
         return F
 
-    def _inertia_force(self, f: _Fields, rates: RootRates) -> Array:
+    def _inertia_force(self, f: Fields, rates: RootRates) -> Array:
         own, m, beta = self.shortening, self.points[1], rates.beta[:, :, None]
         dv = own.of_elements(rates.p[:, 2:, ACROSS].swapaxes(1, 2))
         v1, w1 = own.values(dv), own.values(own.of_elements(rates.p[:, 1:, 0]))
@@ -188,11 +158,6 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
         return -F
 
     # ------------------------------------------------------------------ energies
-
-    def kinetic_energy(self, x: Array, u: Array) -> Array:
-        """Return 1/2 u^T M u with the mass matrix of the model [J]."""
-        rates = u[:, None, self.columns]
-        return np.asarray(0.5 * np.sum(self.momenta(x, rates) * rates, axis=(1, 2)))
 
     def potential_energy(self, t: Array, x: Array) -> Array:
         """Return the energy of the weight [J]."""

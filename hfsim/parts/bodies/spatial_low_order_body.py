@@ -16,7 +16,7 @@ from hfsim.mechanics.body import Place
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.foreshortened import FACTORS, ForeshortenedMarker
+from hfsim.parts.bodies.foreshortened import ForeshortenedMarker
 from hfsim.parts.bodies.root_frame import ACROSS, RootFrame, spun_by
 from hfsim.parts.bodies.spatial_linear import SpatialLinearBeam, SpatialLinearElasticForce
 from hfsim.parts.bodies.spatial_low_order import SpatialLowOrderBeam
@@ -230,7 +230,7 @@ class SpatialLowOrderBody(SpatialLinearBeam):
 
     def tables(self, n: int) -> float:
         """Return its share in the factors of derivatives by differences."""
-        return float(8.0 * FACTORS * n * (self.columns.stop - self.columns.start))
+        return self.variable_mass.factors(n)
 
     def forces(self, n: int) -> Iterator[ForcePart]:
         """Yield inertia and weight, and elastic force and damping."""
