@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.maths.matrices import is_sparse
+from hfsim.maths.matrices import Matrix, is_sparse
 from hfsim.mechanics.body import Body, VectorBody
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.statics.gauge import Gauge
@@ -17,6 +17,7 @@ from hfsim.parts.resistances import SlidingResistanceSpec
 from hfsim.scene.assembly import Assembly
 from hfsim.scene.freedom import FreeMotion
 from hfsim.scene.loading import LoadedDeck
+from hfsim.scene.rules import connected, owners
 from hfsim.scene.schema import Deck
 
 
@@ -73,38 +74,88 @@ class Assembled(Protocol):
 def gauge_of(scene: Assembled, q: Array | None = None) -> Gauge:
     """Return by what changes of a scene in a state (n,) are measured: at the start without any."""
     system, x = scene.system, scene.system.absolute((scene.q if q is None else q)[None])
-    equations, n_dim = system.equations, scene.deck.dimension
-    if system.variable_mass:
-        metric = equations.mass(x)[0]
-    else:
-        metric = equations.constant_mass
-        metric = metric if equations.ballast is None else metric + equations.ballast
-    bodies = [(k, body) for k, body in enumerate(scene.bodies.values()) if not body.still]
-    outlines = [body.extent(x)[0] for body in scene.bodies.values()]
-    every = np.concatenate([*outlines, *(np.array([p]) for p in scene.deck.ground.points.values())])
-    inertia = scene.rigid_inertia[[k for k, _ in bodies]].diagonal(axis1=1, axis2=2)
+    n_dim, moving = scene.deck.dimension, [body for body in scene.bodies.values() if not body.still]
+    outlines = {name: body.extent(x)[0] for name, body in scene.bodies.items()}
+    every = np.concatenate([*outlines.values(), *(np.array([p]) for p in scene.deck.ground.points.values())])
+    moves = np.array([not body.still for body in scene.bodies.values()])
+    inertia = scene.rigid_inertia[moves].diagonal(axis1=1, axis2=2)
     masses, turned = inertia[:, :n_dim].max(axis=1), inertia[:, n_dim:].max(axis=1)
     span = max(_reach(scene, x, every), float(np.sqrt(turned / masses).max(initial=0.0)))
-    whole = float(np.ptp(every, axis=0).max()) or span
-    own = np.array([max(float(np.ptp(outlines[k], axis=0).max()), 1e-2 * whole) for k, _ in bodies])
-    starts = np.array([body.columns.start for _, body in bodies])
-    axes: list[IntArray] = [np.zeros((0, 3), dtype=np.intp)]
-    axes += [one.sections.reshape(-1, 3) for _, body in bodies if (one := body.carried()) is not None]
-    turning, directions = np.zeros(system.n_x), [_directions(body) for _, body in bodies]
+    least, part = 1e-2 * (float(np.ptp(every, axis=0).max()) or span), _parts(scene, moving)
+    alone, together = _extents([outlines[body.name] for body in moving], part, n_dim)
+    tied = turned + masses * np.maximum(together, least) ** 2
+    places = [_places(body) for body in moving]
+    axes = [one.sections.reshape(-1, 3) for body in moving if (one := body.carried()) is not None]
+    directions = [_directions(body) for body in moving]
+    turning = np.zeros(system.n_x)
     for columns in directions:
         turning[columns] = 1.0 / max(1, len(columns))
     lengths = [columns.shape[1] for columns in directions for _ in columns]
     return Gauge(
-        metric=metric.tocsr() if is_sparse(metric) else metric,
-        starts=starts,
-        sizes=turned + masses * own**2,
-        axes=np.concatenate(axes),
+        metric=_metric(system, x),
+        starts=np.array([body.columns.start for body in moving]),
+        sizes=turned + masses * np.maximum(alone, least) ** 2,
+        tied=tied,
+        shared=_sums(part, tied),
+        members=_sums(part),
+        places=_joined(places, n_dim),
+        placed=np.cumsum([0, *map(len, places)])[:-1],
+        masses=masses,
+        axes=_joined(axes, 3),
         directions=np.concatenate([np.zeros(0, dtype=np.intp), *(one.ravel() for one in directions)]),
         firsts=np.cumsum([0, *lengths])[:-1],
         bare=np.array([not len(one) for one in directions]),
         wide=turned + masses * span**2,
         turning=turning,
     )
+
+
+def _metric(system: System, x: Array) -> Matrix:
+    """Return the mass matrix in a state (1, n_x), with an inverse."""
+    equations = system.equations
+    if system.variable_mass:
+        return np.asarray(equations.mass(x)[0])
+    ballast = equations.ballast
+    whole = equations.constant_mass if ballast is None else equations.constant_mass + ballast
+    return whole.tocsr() if is_sparse(whole) else whole
+
+
+def _parts(scene: Assembled, moving: Sequence[Body]) -> IntArray:
+    """Return to which part of a scene, of those that joints and springs tie, each body belongs, (n_bodies,).
+
+    Bodies that can touch others, which they are not to pass through unseen, are parts by themselves.
+    """
+    names = [body.name for body in moving]
+    contacts = (one for one in scene.deck.springs.values() if one.type == "contact")
+    touching = {name for one in contacts for name in owners(one)}
+    groups = connected(scene.deck, scene.bodies.keys() - set(names), without="contact")
+    part = {name: k for k, group in enumerate(groups) for name in group}
+    part.update({name: len(groups) + k for k, name in enumerate(touching.intersection(names))})
+    return np.unique([part[name] for name in names], return_inverse=True)[1]
+
+
+def _extents(outlines: Sequence[Array], part: IntArray, n_dim: int) -> tuple[Array, Array]:
+    """Return how large bodies with such outlines are, and the parts that they belong to, (n_bodies,)."""
+    corners = np.array([[-one.min(axis=0), one.max(axis=0)] for one in outlines]).reshape(-1, 2, n_dim)
+    whole = np.full_like(corners, -np.inf)  # more rows than there are parts
+    np.maximum.at(whole, part, corners)
+    alone, together = (one.sum(axis=1).max(axis=1) for one in (corners, whole[part]))
+    return alone, together
+
+
+def _sums(part: IntArray, values: Array | None = None) -> Array:
+    """Return for each body the sum over its part, by default of ones, (n_bodies,)."""
+    return np.asarray(np.bincount(part, values)[part], dtype=float)
+
+
+def _joined(columns: Sequence[IntArray], width: int) -> IntArray:
+    return np.concatenate([np.zeros((0, width), dtype=np.intp), *columns])
+
+
+def _places(body: Body) -> IntArray:
+    """Return the coordinates that change alike where a body shifts, (n, n_dim)."""
+    columns = body.position_columns
+    return columns if len(columns) else body.columns.start + np.arange(body.n_dim)[None]
 
 
 def _reach(scene: Assembled, x: Array, outlines: Array) -> float:

@@ -337,13 +337,13 @@ def still_bodies(deck: Deck, models: Models) -> tuple[str, ...]:
     return tuple(item.removeprefix("bodies.") for item in found)
 
 
-def connected(deck: Deck, still: Iterable[str]) -> list[tuple[str, ...]]:
+def connected(deck: Deck, still: Iterable[str], without: str = "") -> list[tuple[str, ...]]:
     """Return the moving bodies of each connected part of a scene, in the deck's order.
 
-    Ground and still bodies connect nothing: they do not move.
+    Ground and still bodies connect nothing: they do not move.  Nor do springs of one kind, if told so.
     """
     fixed = {"ground", *still}
-    ties = (*deck.joints.values(), *deck.springs.values())
+    ties = (*deck.joints.values(), *(one for one in deck.springs.values() if one.type != without))
     moving = [name for name in deck.bodies if name not in fixed]
     return _groups(parts_of(moving, (owners(tie) - fixed for tie in ties)))
 

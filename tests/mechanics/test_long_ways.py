@@ -148,3 +148,43 @@ def test_a_box_falls_onto_the_floor_and_not_through_it(angle, height):
     assert 0.099 < run.final["box.y"] < 0.1 and run.final["box.angle"] == pytest.approx(0.0, abs=1e-9)
     assert [run.final["a.force"], run.final["b.force"]] == pytest.approx([9.81, 9.81], rel=1e-9)
     assert run.statistics["newton_iterations"] < 80
+
+
+def _chain(count, joint, elements=64):
+    """Return the deck of a chain of beams, of 6.4 m, that its weight bends far down."""
+    ends = ["ground", *(f"b{k}.tip" for k in range(count - 1))]
+    pairs = [{"between": [end, f"b{k}.root"]} for k, end in enumerate(ends)]
+    kinds = ["fixed", *[joint] * (count - 1)]
+    joints = [{"type": kind} | pair for kind, pair in zip(kinds, pairs, strict=True)]
+    spring = {"type": "rotational", "stiffness": 1600.0}
+    beam = {"type": "beam", "material": "steel", "section": "s"}
+    beam |= {"length": 6.4 / count, "elements": elements // count}
+    return {
+        "hfsim": 1,
+        "gravity": [0.0, -9.81],
+        "materials": {"steel": {"density": 7800.0, "youngs_modulus": 2.1e11}},
+        "sections": {"s": {"area": 1e-4, "second_moment": 8e-10}},
+        "bodies": {f"b{k}": beam for k in range(count)},
+        "joints": {f"j{k}": one for k, one in enumerate(joints)},
+        "springs": {f"s{k}": spring | pair for k, pair in enumerate(pairs) if kinds[k] == "revolute"},
+        "solve": {"duration": 1.0},
+        "output": {"channels": [f"b{count - 1}.tip.x", f"b{count - 1}.tip.y"]},
+    }
+
+
+def test_a_beam_in_many_pieces_takes_no_more_steps_of_the_load_than_in_one():
+    one, many = (hfsim.static(_chain(count, "fixed")) for count in (1, 32))
+    assert [*many.final.values()] == pytest.approx([*one.final.values()], abs=1e-5)
+    assert many.statistics["steps"] <= one.statistics["steps"] + 2
+    assert many.statistics["newton_iterations"] <= 2 * one.statistics["newton_iterations"]
+
+
+def test_a_long_chain_on_springs_takes_few_steps_of_the_load():
+    few, many = (hfsim.static(_chain(count, "revolute")) for count in (8, 32))
+    assert many.statistics["steps"] <= 2 * few.statistics["steps"]
+
+
+def test_a_path_has_as_many_points_whatever_the_pieces_of_a_beam():
+    one, many = (hfsim.static(_chain(count, "fixed", 8), path=True) for count in (1, 8))
+    assert [*many.final.values()] == pytest.approx([*one.final.values()], rel=1e-3)
+    assert many.statistics["steps"] == one.statistics["steps"]

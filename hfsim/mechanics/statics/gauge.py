@@ -23,6 +23,19 @@ class Gauge:
         First coordinate of each body that moves.
     sizes : ndarray, shape (n_bodies,)
         What twice the energy of a body is when it turns with 1 rad/s or shifts by its size in a second [J].
+    tied : ndarray, shape (n_bodies,)
+        What it is when a body shifts by the size of all that is tied to it: a turn anywhere in a chain of
+        bodies moves those beyond it, the farther the longer the chain is [J].
+    shared : ndarray, shape (n_bodies,)
+        The same of all together that are tied to it [J].
+    members : ndarray, shape (n_bodies,)
+        How many these are.
+    places : ndarray of int, shape (n, n_dim)
+        Coordinates that all change alike where a body shifts, one body after the other.
+    placed : ndarray of int, shape (n_bodies,)
+        Rows at which those of each body begin.
+    masses : ndarray, shape (n_bodies,)
+        [kg]
     axes : ndarray of int, shape (n_axes, 3)
         Coordinates of unit vectors that turn with bodies and sections in space: about a slender body's axis
         hardly any mass moves, however far it turns.
@@ -41,6 +54,12 @@ class Gauge:
     metric: Matrix
     starts: IntArray
     sizes: Array
+    tied: Array
+    shared: Array
+    members: Array
+    places: IntArray
+    placed: IntArray
+    masses: Array
     axes: IntArray
     directions: IntArray
     firsts: IntArray
@@ -51,7 +70,10 @@ class Gauge:
     def size(self, dx: Array) -> float:
         """Return how far what moves or turns most does in changes (1, n_x): about an angle [rad]."""
         turns = np.linalg.norm(dx[0, self.axes], axis=1)
-        return max(_largest(self._each(dx) / self.sizes), float(turns.max(initial=0.0)))
+        momenta = np.asarray(dx @ self.metric)[0, self.places]
+        shifting = np.sum(np.add.reduceat(momenta, self.placed) ** 2, axis=1) / self.masses
+        moved = (self._each(dx) - shifting) / self.sizes + shifting / self.tied
+        return max(_largest(moved), float(turns.max(initial=0.0)))
 
     def turns(self, dx: Array) -> Array:
         """Return by what angles all that turns does in changes (1, n_x), (n_directions + n_bare,) [rad]."""
@@ -80,12 +102,20 @@ class Gauge:
     @cached_property
     def whole(self) -> Matrix:
         """The metric with each body's share over its size, and its directions, (n_x, n_x)."""
-        weights = self._over(self.sizes)
+        return self._weighed(self.sizes, self.turning)
+
+    @cached_property
+    def together(self) -> Matrix:
+        """The same of what is tied together: a chain of many bodies that turns has moved by one as well."""
+        return self._weighed(self.shared, self.turning * self._over(self.members))
+
+    def _weighed(self, sizes: Array, turning: Array) -> Matrix:
+        weights = self._over(sizes)
         if is_sparse(self.metric):
             from scipy.sparse import diags_array
 
-            return (diags_array(weights) @ self.metric + diags_array(self.turning)).tocsr()
-        return weights[:, None] * self.metric + np.diag(self.turning)
+            return (diags_array(weights) @ self.metric + diags_array(turning)).tocsr()
+        return weights[:, None] * self.metric + np.diag(turning)
 
     @cached_property
     def unit(self) -> Array:

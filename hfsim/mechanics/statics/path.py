@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import Matrix
 from hfsim.mechanics.statics.beginning import begun
 from hfsim.mechanics.statics.newton import Effort, NotFoundError, balanced
 from hfsim.mechanics.statics.problem import Level, Problem, State
@@ -151,7 +153,11 @@ class Path:
         return f"after {MOST} points it has not come to the whole load"
 
     def _product(self, a: Array, b: Array) -> float:
-        return float((a * np.asarray(b @ self.problem.metric)).sum())
+        return float((a * np.asarray(b @ self._metric)).sum())
+
+    @cached_property
+    def _metric(self) -> Matrix:
+        return self.problem.system.reduction.reduced(self.problem.gauge.together)
 
     def _point(self, state: State, load: float, before: Point | None) -> Point:
         """Return a point with the direction of the path there, going on from the one before."""
