@@ -180,6 +180,36 @@ def ordering(matrix: Matrix) -> str:
     return "MMD_AT_PLUS_A" if 0 < long <= FEW_LONG * n else "COLAMD"
 
 
+class SamePlaces:
+    """Sparse matrices with entries in the same places; those at the same place add up.
+
+    Parameters
+    ----------
+    rows, columns : ndarray of int, shape (n_entries,)
+    shape : tuple of int
+        Of each matrix.
+    """
+
+    def __init__(self, rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> None:
+        self._shape, self._order = shape, np.lexsort((rows, columns))
+        i, j = rows[self._order], columns[self._order]
+        new = np.concatenate([[True], (i[1:] != i[:-1]) | (j[1:] != j[:-1])])
+        self._first = np.flatnonzero(new)
+        self._rows = i[new]
+        self._ends = np.concatenate([[0], np.cumsum(np.bincount(j[new], minlength=shape[1]))])
+
+    def of(self, values: Array) -> Matrix:
+        """Return the matrices of values (count, n_entries) as one, block after block."""
+        from scipy.sparse import csc_array
+
+        count, block = len(values), np.arange(len(values))[:, None]
+        data = np.add.reduceat(values[:, self._order], self._first, axis=1)
+        rows = (self._rows + self._shape[0] * block).ravel().astype(np.int32)
+        ends = (self._ends[1:] + self._ends[-1] * block).ravel().astype(np.int32)
+        shape = (self._shape[0] * count, self._shape[1] * count)
+        return csc_array((data.ravel(), rows, np.concatenate([[np.int32(0)], ends])), shape=shape)
+
+
 class SaddlePoints:
     """Matrices [[A, B^T], [B, 0]] of one sparse A (n, n) and many B (rows, n), all with the same places.
 
@@ -194,27 +224,7 @@ class SaddlePoints:
         own, n = matrix.tocoo(), matrix.shape[0]
         i = np.concatenate([own.row, n + border.rows, border.columns])
         j = np.concatenate([own.col, border.columns, n + border.rows])
-        self._own, self._size = own.data, n + rows
-        self._order = np.lexsort((i, j))
-        i, j = i[self._order], j[self._order]
-        new = np.concatenate([[True], (i[1:] != i[:-1]) | (j[1:] != j[:-1])])
-        self._first = np.flatnonzero(new)
-        self._rows = i[new]
-        self._ends = np.concatenate([[0], np.cumsum(np.bincount(j[new], minlength=self._size))])
-
-    def of(self, values: Array) -> Matrix:
-        """Return the matrices of B with values (count, n_entries) as one, block after block."""
-        from scipy.sparse import csc_array
-
-        count = len(values)
-        own = np.broadcast_to(self._own, (count, len(self._own)))
-        every = np.concatenate([own, values, values], axis=1)[:, self._order]
-        data = np.add.reduceat(every, self._first, axis=1)
-        block = np.arange(count)[:, None]
-        rows = (self._rows + self._size * block).ravel().astype(np.int32)
-        ends = (self._ends[1:] + self._ends[-1] * block).ravel().astype(np.int32)
-        size = self._size * count
-        return csc_array((data.ravel(), rows, np.concatenate([[np.int32(0)], ends])), shape=(size, size))
+        self._own, self._places = own.data, SamePlaces(i, j, (n + rows, n + rows))
 
     def solve(self, values: Array, rhs: Array, solution: Array) -> None:
         """Solve all of them for right-hand sides (count, n + rows): calls cost more than operations.
@@ -224,7 +234,9 @@ class SaddlePoints:
         numpy.linalg.LinAlgError
             If one is singular.
         """
-        solution[...] = factorised(self.of(values))(rhs.ravel()).reshape(rhs.shape)
+        own = np.broadcast_to(self._own, (len(values), len(self._own)))
+        every = self._places.of(np.concatenate([own, values, values], axis=1))
+        solution[...] = factorised(every)(rhs.ravel()).reshape(rhs.shape)
 
 
 def saddle_point(matrix: Matrix, border: Matrix) -> Matrix:

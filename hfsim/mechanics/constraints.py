@@ -157,6 +157,11 @@ class Constraint:
         return ()
 
     @property
+    def crossed(self) -> tuple[Product, ...]:
+        """The others as products of vectors that are linear but for axes across sections; none likewise."""
+        return ()
+
+    @property
     def driven(self) -> bool:
         """Whether it depends on time by itself, so that it can do work."""
         return self.law is not None

@@ -230,6 +230,12 @@ class Perpendicular(OfAxes):
         a, b = self.first.linear_axis(np.array(self.axes)), self.second.linear_axis(np.array(self.others))
         return () if a is None or b is None else (Product(a, b, constant=self.offset),)
 
+    @property
+    def crossed(self) -> tuple[Product, ...]:
+        """The product itself, where an axis is across a section."""
+        a, b = self.first.crossed_axis(np.array(self.axes)), self.second.crossed_axis(np.array(self.others))
+        return () if self.products or a is None or b is None else (Product(a, b, constant=self.offset),)
+
     @cached_property
     def constant(self) -> bool:
         """Whether one of the axes is fixed to the ground, the other linear in the coordinates."""

@@ -26,12 +26,17 @@ from hfsim.mechanics.variable_mass import VariableMass
 
 if TYPE_CHECKING:
     from hfsim.mechanics.condensed import Condensed
+    from hfsim.mechanics.node_joints import NodeJoints
     from hfsim.mechanics.node_solution import NodeSolution
 
 AT_ONCE = 20_000
 """Rows of the sparse matrices, of several states, that are factorised together."""
 FEW = 60
 """Coordinates at joints up to which large scenes are solved by these; beyond, with the whole matrix."""
+FEW_DENSE = 150
+"""The same in small scenes, of several states, that are solved node by node; single ones always are."""
+SEVERAL = 8
+"""States from which on matrices of many joints are sparse also in small scenes."""
 FEW_UNKNOWNS = 30
 """Unknowns up to which the whole matrix takes less time than one without what roots hold."""
 
@@ -219,9 +224,9 @@ class Equations:
         forces = self.reduction.free_force(f) - az @ self.free_mass
         if not self.constraints:
             return forces, np.zeros((len(x), 0))
-        if self.by_nodes is not None:
+        if (nodes := self.by_nodes(len(x))) is not None:
             free = self.reduction.free_force(f)
-            missing, gaps = self.by_nodes.missing(x, free, self.phi.curvature(t, x, u), az)
+            missing, gaps = nodes.missing(x, free, self.phi.curvature(t, x, u), az)
             return missing @ self.free_mass, gaps
         reading, mobility, spreading = self._at_joints
         J = self.phi.at_joints(x)
@@ -248,8 +253,8 @@ class Equations:
 
     def constrained(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
         """Solve M a + Phi_z^T lambda = f, Phi_z a = gamma for the free coordinates, f (n_batch, n)."""
-        if self.by_nodes is not None:
-            return self.by_nodes.solve(x, f, gamma)
+        if (nodes := self.by_nodes(len(x))) is not None:
+            return nodes.solve(x, f, gamma)
         if is_sparse(self.constant_mass) and not self._few_joint_coordinates:
             return self._solve_sparse(x, f, gamma)
         if self._condensed is not None:
@@ -267,20 +272,39 @@ class Equations:
 
     def constrained_at(self, x: Array) -> Callable[[Array, Array], tuple[Array, Array]] | None:
         """Return `constrained` in states (n_batch, n_x), if for several forces and gammas that takes less."""
-        return None if self.by_nodes is None else self.by_nodes.at(x)
+        nodes = self.by_nodes(len(x))
+        return None if nodes is None else nodes.at(x)
+
+    def by_nodes(self, count: int) -> NodeSolution | NodeJoints | None:
+        """Return the solution node by node, where axes are kept orthonormal, for so many states."""
+        several = count >= SEVERAL or is_sparse(self.constant_mass)
+        return self._node_joints if several and self._node_joints is not None else self._node_solution
 
     @cached_property
-    def by_nodes(self) -> NodeSolution | None:
-        """The solution node by node, where axes are kept orthonormal and joints depend on few coordinates."""
+    def _node_solution(self) -> NodeSolution | None:
+        """The one with dense matrices of all joints."""
+        found = self._nodes
+        many = found is not None and len(found.joints.support) > FEW
+        return None if many and is_sparse(self.constant_mass) else found
+
+    @cached_property
+    def _node_joints(self) -> NodeJoints | None:
+        """The one with sparse matrices of joints, where they depend on many coordinates."""
+        found, few = self._nodes, FEW if is_sparse(self.constant_mass) else FEW_DENSE
+        if found is None or len(found.joints.support) <= few:
+            return None
+        from hfsim.mechanics.node_joints import NodeJoints
+
+        return NodeJoints.of(found, self._weighted_mass)
+
+    @cached_property
+    def _nodes(self) -> NodeSolution | None:
         if self.phi.constant or self._changes:
             return None
         from hfsim.mechanics.node_solution import NodeSolution
 
         masses = self.constant_mass, self.ballast
-        found = NodeSolution.of(self.phi, *masses, self.reduction, self._unconstrained)
-        if found is not None and is_sparse(self.constant_mass) and len(found.joints.support) > FEW:
-            return None
-        return found
+        return NodeSolution.of(self.phi, *masses, self.reduction, self._unconstrained)
 
     @cached_property
     def _condensed(self) -> Condensed | None:

@@ -15,7 +15,10 @@ from hfsim.maths.matrices import NOTHING, Entries, Matrix, assemble, is_sparse
 from hfsim.maths.rotations import wrap
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.markers import joint_support
-from hfsim.mechanics.products import Products
+from hfsim.mechanics.products import Product, Products, VectorProducts
+
+MANY = 12
+"""Equations with axes across sections from which they are evaluated all at once, in large scenes."""
 
 
 class End(NamedTuple):
@@ -129,18 +132,32 @@ class JointRows:
         return zip(self.constraints, self.rows, strict=True)
 
     @cached_property
-    def _products(self) -> Products | None:
-        """The equations that are products, where there are any and not all equations are linear."""
-        found = [(one, rows.start + k) for c, rows in self._pairs for k, one in enumerate(c.products)]
-        if self.constant or not found:
-            return None
+    def _products(self) -> tuple[VectorProducts, ...]:
+        """The equations that are products, where there are any and not all equations are linear.
+
+        Those with axes across sections are too where there are many.
+        """
+        if self.constant:
+            return ()
+        linear = [(one, rows.start + k) for c, rows in self._pairs for k, one in enumerate(c.products)]
+        found = [Products(*self._listed(linear))] if linear else list[VectorProducts]()
+        pairs = self._pairs if self.sparse else ()
+        crossed = [(one, rows.start + k) for c, rows in pairs for k, one in enumerate(c.crossed)]
+        if len(crossed) < MANY:
+            return tuple(found)
+        from hfsim.mechanics.crossed import CrossedProducts
+
+        return *found, CrossedProducts(*self._listed(crossed))
+
+    def _listed(self, found: list[tuple[Product, int]]) -> tuple[IntArray, list[Product], int, bool]:
         rows = np.array([row for _, row in found], dtype=np.intp)
-        return Products(rows, [one for one, _ in found], self.n_x, self.sparse)
+        return rows, [one for one, _ in found], self.n_x, self.sparse
 
     @cached_property
     def _others(self) -> tuple[tuple[Constraint, slice], ...]:
         """The other constraints, with their rows."""
-        return tuple((c, rows) for c, rows in self._pairs if self._products is None or not c.products)
+        own = {row for part in self._products for row in part.rows.tolist()}
+        return tuple((c, rows) for c, rows in self._pairs if rows.start not in own)
 
     @cached_property
     def _changing(self) -> tuple[tuple[Constraint, slice], ...]:
@@ -156,8 +173,8 @@ class JointRows:
             out[:, self._wrapped] = wrap(out[:, self._wrapped])
         for constraint, rows in self._changing:
             out[:, rows] = constraint.residual(t, x)
-        if self._products is not None:
-            out[:, self._products.rows] = self._products.gap(x)
+        for part in self._products:
+            out[:, part.rows] = part.gap(x)
         return out
 
     def drift(self, t: Array, x: Array, u: Array) -> Array:
@@ -165,8 +182,8 @@ class JointRows:
         drift = self._constant_product(u) + self.rate(t)
         for end in self._changing_ends:
             drift[:, end.rows] += (end.jacobian(x) @ u[:, end.columns, None])[..., 0]
-        if self._products is not None:
-            drift[:, self._products.rows] = self._products.rate(x, u)
+        for part in self._products:
+            drift[:, part.rows] = part.rate(x, u)
         return drift
 
     def rate(self, t: Array) -> Array:
@@ -182,8 +199,8 @@ class JointRows:
         gamma = np.zeros((len(x), self.n_rows))
         for constraint, rows in self._changing:
             gamma[:, rows] = constraint.acceleration(t, x, u)
-        if self._products is not None:
-            gamma[:, self._products.rows] = -self._products.bias(u)
+        for part in self._products:
+            gamma[:, part.rows] = -part.bias(x, u)
         return gamma
 
     def _constant_product(self, x: Array) -> Array:
@@ -255,9 +272,7 @@ class JointRows:
         parts = [still._replace(values=np.broadcast_to(still.values, (len(x), still.values.shape[1])))]
         changing = zip(self._changing_ends, self._changing_places, strict=True)
         parts += [Entries(*places, end.values(x)) for end, places in changing]
-        if self._products is not None:
-            parts.append(self._products.entries(x))
-        return Entries.joined(parts)
+        return Entries.joined([*parts, *(part.entries(x) for part in self._products)])
 
     @cached_property
     def _still_entries(self) -> Entries:
@@ -276,8 +291,8 @@ class JointRows:
         if self.constant:
             return self._constant_rows
         J = self._with(self._changing_ends, np.repeat(self._constant_rows, len(x), axis=0), x)
-        if self._products is not None:
-            J[:, self._products.rows] += self._products.jacobian(x, self.support)
+        for part in self._products:
+            J[:, part.rows] += part.jacobian(x, self.support)
         return J
 
     @cached_property
@@ -295,18 +310,17 @@ class JointRows:
     def stiffness(self, x: Array, multipliers: Array) -> list[Entries]:
         """Return the derivative of Phi_x^T lambda by x in one state, multipliers (1, n_rows)."""
         parts = [c.stiffness(x, multipliers[:, rows]) for c, rows in self._changing]
-        if self._products is not None:
-            parts.append(self._products.stiffness(multipliers[0, self._products.rows]))
-        return parts
+        return parts + [part.stiffness(x, multipliers[0, part.rows]) for part in self._products]
 
     @property
     def are_products(self) -> bool:
         """Whether the derivative of Phi_x is the same in all states."""
-        return not self._changing
+        return not self._changing and all(isinstance(part, Products) for part in self._products)
 
     def bend(self) -> Array:
         """Return that derivative, (n_rows, n_x, n_x), where it is."""
         bend = np.zeros((self.n_rows, self.n_x, self.n_x))
-        if self._products:
-            bend[self._products.rows] = self._products.bend()
+        for part in self._products:
+            assert isinstance(part, Products)
+            bend[part.rows] = part.bend()
         return bend

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import field
 from functools import cached_property
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import rotate, spun, turning
 from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.products import LinearVector
+
+if TYPE_CHECKING:
+    from hfsim.mechanics.crossed import CrossedVector
 
 
 class Marker:
@@ -125,6 +128,13 @@ class Marker:
     def linear_axis(self, a: Array) -> LinearVector | None:
         """Return `axis` as a linear function of the coordinates in space; None where it is not."""
         return None
+
+    def crossed_axis(self, a: Array) -> CrossedVector | None:
+        """Return `axis` as such a function with products of two others; None where it is not."""
+        from hfsim.mechanics.crossed import CrossedVector
+
+        linear = self.linear_axis(a)
+        return None if linear is None else CrossedVector.without(linear)
 
     @property
     def linear_place(self) -> LinearVector | None:

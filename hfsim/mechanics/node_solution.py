@@ -103,7 +103,7 @@ class NodeSolution:
         return [np.flatnonzero(np.isin(kind.columns, self.joints.support).any(axis=1)) for kind in self.nodes]
 
     @cached_property
-    def _slender(self) -> bool:
+    def slender(self) -> bool:
         """Whether nodes turn so easily about an axis that rounding spoils what joints make of it."""
         return any(kind.slender for kind in self.nodes)
 
@@ -158,7 +158,7 @@ class NodeSolution:
     ) -> tuple[Array, Array]:
         """Return accelerations and multipliers; with slender bodies also of what rounding leaves."""
         a, multipliers = self._solved_once(at, J, answers, f, gamma)
-        if self._slender:
+        if self.slender:
             left = f - a @ self.mass - self._pull(at, J, multipliers)
             rest = self._solved_once(at, J, answers, left, gamma - self._opening(at, J, a))
             a, multipliers = a + rest[0], multipliers + rest[1]

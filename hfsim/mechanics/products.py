@@ -3,13 +3,16 @@
 In space every vector that joints hold, an axis or the distance of two points, is linear in the coordinates,
 and so are section vectors in the plane:
 weight (A x + a) . (B x + b) = constant.  The paper's Phi_x and gamma of eq. (37) follow from A and B.
+The third axis of a section is the vector product of these two: equations with such axes, of which long chains
+have many, are `hfsim.mechanics.crossed.CrossedProducts`.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -51,17 +54,70 @@ class LinearVector(NamedTuple):
 
 
 class Product(NamedTuple):
-    """One equation: weight first . second = constant."""
+    """One equation: weight first . second = constant; both are `LinearVector`, or both `CrossedVector`."""
 
-    first: LinearVector
-    second: LinearVector
+    first: Any
+    second: Any
     weight: float = 1.0
     constant: float = 0.0
 
 
+Pull = tuple["LinearMap", Array]
+"""Vectors, and what their changes are multiplied with, (n_batch, m, n_dim), for those of the equations."""
+
+
 @frozen
-class Products:
-    """Equations of a scene that are products.
+class LinearMap:
+    """Vectors of all equations that are linear in the coordinates.
+
+    Attributes
+    ----------
+    matrix : Matrix, shape (n_dim m, n)
+    offset : ndarray, shape (m, n_dim)
+    """
+
+    matrix: Matrix
+    offset: Array
+
+    @classmethod
+    def of(cls, vectors: Sequence[LinearVector], n: int, sparse: bool) -> LinearMap:
+        """Return those of n coordinates, with sparse matrices or dense ones."""
+        n_dim = len(vectors[0].offset)
+        own, size = np.arange(n_dim), n_dim * len(vectors)
+        parts = [Entries.of_block(n_dim * k + own, v.columns, v.matrix) for k, v in enumerate(vectors)]
+        return cls(assemble(parts, (size, n), sparse), np.array([v.offset for v in vectors]))
+
+    def at(self, x: Array) -> Array:
+        """Return the vectors in states (n_batch, n), shape (n_batch, m, n_dim)."""
+        return self.rates(x) + self.offset
+
+    def rates(self, u: Array) -> Array:
+        """Return their rates."""
+        return product(self.matrix, u.T).T.reshape(len(u), *self.offset.shape)
+
+    def by(self, columns: IntArray) -> Array:
+        """Return the matrices by some coordinates, (m, n_dim, k); those asked for last are kept."""
+        if self.__dict__.get("_kept_for") is not columns:
+            found = dense(self.matrix[:, columns]).reshape(*self.offset.shape, -1)
+            self.__dict__.update(_kept_for=columns, _kept=found)
+        kept: Array = self.__dict__["_kept"]
+        return kept
+
+    @cached_property
+    def entries(self) -> tuple[IntArray, IntArray, IntArray, Array]:
+        """Equation, component, column and value of all entries."""
+        if is_sparse(self.matrix):
+            found = self.matrix.tocoo()
+            rows, columns, values = found.row, found.col, found.data
+        else:
+            rows, columns = np.nonzero(self.matrix)
+            values = self.matrix[rows, columns]
+        return *np.divmod(rows, self.offset.shape[1]), columns, values
+
+
+@frozen
+class VectorProducts(ABC):
+    """Equations of a scene that are products of vectors.
 
     Attributes
     ----------
@@ -90,31 +146,17 @@ class Products:
     def _constant(self) -> Array:
         return np.array([one.constant for one in self.equations])
 
-    @cached_property
-    def _n_dim(self) -> int:
-        return len(self.equations[0].first.offset)
-
-    @cached_property
-    def _maps(self) -> tuple[tuple[Matrix, Array], tuple[Matrix, Array]]:
-        """From coordinates to both vectors of all equations, (n_dim m, n), and constant parts, (m, n_dim)."""
-        return self._map(0), self._map(1)
-
-    def _map(self, side: int) -> tuple[Matrix, Array]:
-        vectors = [(one.first, one.second)[side] for one in self.equations]
-        own, n_dim = np.arange(self._n_dim), self._n_dim
-        parts = [Entries.of_block(n_dim * k + own, v.columns, v.matrix) for k, v in enumerate(vectors)]
-        matrix = assemble(parts, (n_dim * len(self), self.n), self.sparse)
-        return matrix, np.array([v.offset for v in vectors])
-
+    @abstractmethod
     def _vectors(self, x: Array) -> tuple[Array, Array]:
-        (A, a), (B, b) = self._maps
-        shape = (len(x), len(self), self._n_dim)
-        return product(A, x.T).T.reshape(shape) + a, product(B, x.T).T.reshape(shape) + b
+        """Return both vectors of all equations, (n_batch, m, n_dim)."""
 
-    def _rates(self, u: Array) -> tuple[Array, Array]:
-        (A, _), (B, _) = self._maps
-        shape = (len(u), len(self), self._n_dim)
-        return product(A, u.T).T.reshape(shape), product(B, u.T).T.reshape(shape)
+    @abstractmethod
+    def _rates(self, x: Array, u: Array) -> tuple[Array, Array]:
+        """Return the rates of both."""
+
+    @abstractmethod
+    def _pulls(self, x: Array) -> list[Pull]:
+        """Return what changes of the linear vectors behind them do to the equations."""
 
     def gap(self, x: Array) -> Array:
         """Return what they miss, shape (n_batch, m)."""
@@ -123,44 +165,62 @@ class Products:
 
     def rate(self, x: Array, u: Array) -> Array:
         """Return the rate of that, shape (n_batch, m)."""
-        (a, b), (da, db) = self._vectors(x), self._rates(u)
+        (a, b), (da, db) = self._vectors(x), self._rates(x, u)
         return np.asarray(self._weight * np.sum(da * b + a * db, axis=-1))
 
-    def bias(self, u: Array) -> Array:
+    @abstractmethod
+    def bias(self, x: Array, u: Array) -> Array:
         """Return its second derivative at zero accelerations, shape (n_batch, m)."""
-        da, db = self._rates(u)
-        return np.asarray(2.0 * self._weight * np.sum(da * db, axis=-1))
 
     def jacobian(self, x: Array, support: IntArray) -> Array:
         """Return Phi_x by some coordinates, dense, shape (n_batch, m, k)."""
-        a, b = self._vectors(x)
-        first, second = self._dense(support)
-        by_equation = (b * self._weight[:, None]).swapaxes(0, 1) @ first
-        by_equation += (a * self._weight[:, None]).swapaxes(0, 1) @ second
+        found = [other.swapaxes(0, 1) @ one.by(support) for one, other in self._pulls(x)]
+        by_equation = found[0]
+        for one in found[1:]:
+            by_equation += one
         return by_equation.swapaxes(0, 1)
-
-    def _dense(self, support: IntArray) -> tuple[Array, Array]:
-        """Return both maps from some coordinates, (m, n_dim, k); those asked for last are kept."""
-        if self.__dict__.get("_kept_for") is not support:
-            maps = tuple(dense(one[:, support]).reshape(len(self), self._n_dim, -1) for one, _ in self._maps)
-            self.__dict__.update(_kept_for=support, _kept=maps)
-        first, second = self.__dict__["_kept"]
-        return first, second
 
     def entries(self, x: Array) -> Entries:
         """Return the entries of Phi_x in states (n_batch, n_x), their values (n_batch, n_entries)."""
+        return Entries.joined(self._pulled(one, other) for one, other in self._pulls(x))
+
+    def _pulled(self, one: LinearMap, other: Array) -> Entries:
+        k, component, columns, values = one.entries
+        return Entries(self.rows[k], columns, values * other[:, k, component])
+
+    @abstractmethod
+    def stiffness(self, x: Array, multipliers: Array) -> Entries:
+        """Return the derivative of Phi_x^T lambda by x in one state (1, n), for multipliers (m,)."""
+
+
+class Products(VectorProducts):
+    """Products of vectors that are linear in the coordinates."""
+
+    @cached_property
+    def _maps(self) -> tuple[LinearMap, LinearMap]:
+        sides = zip(*((one.first, one.second) for one in self.equations), strict=True)
+        first, second = (LinearMap.of(side, self.n, self.sparse) for side in sides)
+        return first, second
+
+    def _vectors(self, x: Array) -> tuple[Array, Array]:
+        first, second = self._maps
+        return first.at(x), second.at(x)
+
+    def _rates(self, x: Array, u: Array) -> tuple[Array, Array]:
+        first, second = self._maps
+        return first.rates(u), second.rates(u)
+
+    def _pulls(self, x: Array) -> list[Pull]:
         a, b = self._vectors(x)
-        return Entries.joined([self._pulled(0, b), self._pulled(1, a)])
+        first, second = self._maps
+        return [(first, b * self._weight[:, None]), (second, a * self._weight[:, None])]
 
-    def _pulled(self, side: int, other: Array) -> Entries:
-        matrix = self._maps[side][0]
-        found = matrix.tocoo() if is_sparse(matrix) else None
-        rows, columns = (found.row, found.col) if found is not None else np.nonzero(matrix)
-        values = found.data if found is not None else matrix[rows, columns]
-        k, component = np.divmod(rows, self._n_dim)
-        return Entries(self.rows[k], columns, values * self._weight[k] * other[:, k, component])
+    def bias(self, x: Array, u: Array) -> Array:
+        """Return its second derivative at zero accelerations, shape (n_batch, m)."""
+        da, db = self._rates(x, u)
+        return np.asarray(2.0 * self._weight * np.sum(da * db, axis=-1))
 
-    def stiffness(self, multipliers: Array) -> Entries:
+    def stiffness(self, x: Array, multipliers: Array) -> Entries:
         """Return the derivative of Phi_x^T lambda by x, the same in every state, for multipliers (m,)."""
         which, entries = self._blocks
         return entries._replace(values=entries.values * multipliers[which])

@@ -123,9 +123,9 @@ class Reduction:
     @cached_property
     def _sources(self) -> tuple[IntArray, Array]:
         """The free coordinate that each coordinate follows from, and its factor; zero where from none."""
-        found = self.basis.tocoo()
+        rows, columns = self.basis.nonzero()
         sources, factors = np.zeros(self.basis.shape[0], dtype=np.intp), np.zeros(self.basis.shape[0])
-        sources[found.row], factors[found.row] = found.col, found.data
+        sources[rows], factors[rows] = columns, self.basis[rows, columns]
         return sources, factors
 
     def free_entries(self, entries: Entries) -> Entries:

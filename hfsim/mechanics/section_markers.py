@@ -11,6 +11,7 @@ from hfsim.maths.arrays import Array, magnitude
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import cross, dot, skew
+from hfsim.mechanics.crossed import CrossedVector
 from hfsim.mechanics.markers import ROUNDING
 from hfsim.mechanics.products import LinearVector
 from hfsim.mechanics.spatial_markers import VectorMarker
@@ -75,6 +76,11 @@ class SectionMarker(VectorMarker):
         """Return combinations of d2 and d3; None of d1."""
         c = np.asarray(a) @ self.body
         return None if abs(c[0]) > ROUNDING else self._linear(c[1:] @ self.axis_rows)
+
+    def crossed_axis(self, a: Array) -> CrossedVector:
+        """Return combinations of d2, d3 and their product."""
+        c, (second, third) = np.asarray(a) @ self.body, map(self._linear, self.axis_rows)
+        return CrossedVector(self._linear(c[1:] @ self.axis_rows), second, third, float(c[0]))
 
     def _slopes(self, x: Array, a: Array) -> Array:
         """Return the derivatives of a combination of its own axes by d2 and d3, (n_batch, 2, 3, 3)."""

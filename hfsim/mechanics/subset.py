@@ -62,7 +62,14 @@ class Subset(Constraint):
     @property
     def products(self) -> tuple[Product, ...]:
         """Those of the whole that are kept."""
-        every = self.whole.products
+        return self._kept(self.whole.products)
+
+    @property
+    def crossed(self) -> tuple[Product, ...]:
+        """Those of the whole that are kept."""
+        return self._kept(self.whole.crossed)
+
+    def _kept(self, every: tuple[Product, ...]) -> tuple[Product, ...]:
         return tuple(every[k] for k in self.kept) if every else ()
 
     def residual(self, t: Array, x: Array) -> Array:

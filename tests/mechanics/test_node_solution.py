@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from hfsim.marching.integration import run_integration
-from hfsim.maths.matrices import dense
+from hfsim.maths.matrices import assemble, dense
+from hfsim.mechanics import joint_rows
+from hfsim.mechanics.node_joints import NodeJoints
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 
@@ -102,7 +104,7 @@ def whole(equations, x):
 @pytest.mark.parametrize("unreduced", [False, True], ids=["free", "all"])
 def test_accelerations_and_multipliers(scene, unreduced, rng):
     equations = scene.system.unreduced if unreduced else scene.system.equations
-    assert equations.by_nodes is not None
+    assert equations.by_nodes(3) is not None
     x = states(scene, rng)
     f, gamma = (rng.normal(size=(len(x), count)) for count in (equations.n, equations.n_rows))
     a, multipliers = equations.constrained(x, f, gamma)
@@ -120,7 +122,7 @@ def test_what_accelerations_miss(scene, rng):
     u, t = rng.normal(size=x.shape), np.zeros(len(x))
     gamma = equations.phi.curvature(t, x, u)
     free = equations.reduction.free_force(f)
-    missing, gaps = equations.by_nodes.missing(x, free, gamma, az)
+    missing, gaps = equations.by_nodes(3).missing(x, free, gamma, az)
     matrix, Phi = whole(equations, x)
     right = np.linalg.solve(matrix, np.concatenate([free, gamma], axis=1)[..., None])[:, : equations.n, 0]
     assert missing == pytest.approx(right - az, abs=1e-9 * np.abs(right).max())
@@ -172,4 +174,50 @@ def test_joints_with_many_coordinates_are_solved_with_sparse_matrices():
         joints.append(f"  j{k}: {{type: spherical, between: [{last}, b{k}.a]}}")
         last = f"b{k}.b"
     text = "\n".join([HEAD, "bodies:", *bodies, "joints:", *joints, "solve: {duration: 1.0}"])
-    assert build(parse_deck(text)).system.equations.by_nodes is None
+    assert isinstance(build(parse_deck(text)).system.equations.by_nodes(1), NodeJoints)
+
+
+def frame(joint, beams=16):
+    """The deck of a chain of beams with sections whose joints depend on many coordinates, bent at each."""
+    ends = ["ground", *(f"b{k}.tip" for k in range(beams - 1))]
+    turns = {"fixed": "orientation: {x: [0.6, 0.0, 0.8], y: [0, 1, 0]}", "revolute": "axis: [0.6, 0, 0.8]"}
+    turns["universal"] = "axes: [[0, 1, 0], [0.6, 0, 0.8]]"
+    lines = [f"  j{k}: {{type: {joint}, between: [{end}, b{k}.root], {turns[joint]}}}"
+             for k, end in enumerate(ends)]
+    body = "{type: beam, material: soft, section: bar, length: 0.2, elements: 1, degree: 2}"
+    bodies = [f"  b{k}: {body}" for k in range(beams)]
+    return "\n".join([HEAD, "bodies:", *bodies, "joints:", *lines, "solve: {duration: 1.0}"])
+
+
+@pytest.fixture(params=["fixed", "revolute", "universal"])
+def many(request):
+    return build(parse_deck(frame(request.param)))
+
+
+def test_many_joints_are_solved_with_matrices_of_theirs_alone(many, rng):
+    equations = many.system.equations
+    assert isinstance(equations.by_nodes(3), NodeJoints)
+    x = states(many, rng)
+    f, gamma = (rng.normal(size=(len(x), count)) for count in (equations.n, equations.n_rows))
+    a, multipliers = equations.constrained(x, f, gamma)
+    right = np.linalg.solve(whole(equations, x)[0], np.concatenate([f, gamma], axis=1)[..., None])[..., 0]
+    assert a == pytest.approx(right[:, : equations.n], abs=1e-10 * np.abs(a).max())
+    assert multipliers == pytest.approx(right[:, equations.n :], abs=1e-9 * np.abs(multipliers).max())
+
+
+def test_many_equations_with_axes_across_sections_are_those_one_by_one(many, rng, monkeypatch):
+    phi = many.system.equations.phi
+    monkeypatch.setattr(joint_rows, "MANY", 10**6)
+    apart = joint_rows.JointRows(phi.constraints, phi.n_x, phi.sparse)
+    assert len(phi._products) == 2 and len(apart._products) == 1
+    x, t = states(many, rng), np.zeros(3)
+    u, multipliers = rng.normal(size=x.shape), rng.normal(size=(1, phi.n_rows))
+    for name, values in (("residual", (t, x)), ("drift", (t, x, u)), ("curvature", (t, x, u))):
+        theirs = getattr(apart, name)(*values)
+        assert getattr(phi, name)(*values) == pytest.approx(theirs, abs=1e-12 * np.abs(theirs).max()), name
+    rows, theirs = (dense(one.jacobian_at(x[:1])) for one in (phi, apart))
+    assert rows == pytest.approx(theirs, abs=1e-13)
+    assert phi.jacobians(x[:1])[0] == pytest.approx(theirs, abs=1e-13)
+    shape = (phi.n_x, phi.n_x)
+    bent, theirs = (dense(assemble(one.stiffness(x[:1], multipliers), shape, True)) for one in (phi, apart))
+    assert bent == pytest.approx(theirs, abs=1e-12 * np.abs(theirs).max())
