@@ -201,34 +201,34 @@ def _equilibrated(matrix: Array) -> Solve:
     """
     starts = np.ones(len(matrix)), np.abs(matrix.diagonal())
     scales = [_equilibrating(matrix, start) for start in starts]
-    both = [_Factored.of(matrix * np.outer(scale, scale)) for scale in scales]
+    both = [_Inverted.of(matrix * np.outer(scale, scale)) for scale in scales]
     k = int(np.argmax([one.distance for one in both]))
     return lambda given: np.asarray((both[k].solve((given.T * scales[k]).T).T * scales[k]).T)
 
 
 @frozen
-class _Factored:
-    """A square matrix as a product of triangles.
+class _Inverted:
+    """The inverse of a square matrix: for factors of small ones another library would have to be loaded.
 
     Attributes
     ----------
     distance : float
-        From a singular matrix, over its size: one over its condition, which is estimated.
+        Of the matrix from a singular one, over its size: one over its condition; 0 where there is no inverse.
     """
 
-    triangles: Array
-    order: Array
+    inverse: Array
     distance: float
 
     @classmethod
-    def of(cls, matrix: Array) -> _Factored:
-        from scipy.linalg.lapack import get_lapack_funcs
-
-        factor, estimate = get_lapack_funcs(("getrf", "gecon"), (matrix,))
-        triangles, order, singular = factor(matrix)
-        size = float(np.abs(matrix).sum(axis=0).max(initial=0.0))
-        distance = 0.0 if singular or not np.isfinite(size) else float(estimate(triangles, size)[0])
-        return cls(triangles, order, distance)
+    def of(cls, matrix: Array) -> _Inverted:
+        with np.errstate(all="ignore"):
+            try:
+                inverse = np.linalg.inv(matrix)
+            except np.linalg.LinAlgError:
+                return cls(matrix, 0.0)
+            sizes = [np.abs(one).sum(axis=0).max(initial=0.0) for one in (matrix, inverse)]
+            condition = float(sizes[0] * sizes[1])
+        return cls(inverse, 1.0 / condition if 0.0 < condition < np.inf else 0.0)
 
     def solve(self, given: Array) -> Array:
         """Return the solutions for columns, or for one.
@@ -238,12 +238,9 @@ class _Factored:
         numpy.linalg.LinAlgError
             If the matrix is singular.
         """
-        from scipy.linalg.lapack import get_lapack_funcs
-
-        if not np.abs(self.triangles.diagonal()).min(initial=np.inf) > 0.0:
+        if not self.distance:
             raise np.linalg.LinAlgError("Singular matrix")
-        (solve,) = get_lapack_funcs(("getrs",), (self.triangles, given))
-        return np.asarray(solve(self.triangles, self.order, given)[0])
+        return np.asarray(self.inverse @ given)
 
 
 def _equilibrating(matrix: Array, diagonal: Array) -> Array:

@@ -22,6 +22,10 @@ class Sampled(Protocol):
     """What channels read of a scene."""
 
     @property
+    def deck(self) -> Any:
+        """The deck, with all `channels` that are asked for."""
+
+    @property
     def system(self) -> System:
         """The equations."""
 
@@ -115,10 +119,24 @@ class Samples:
     def section_forces(self, point: str) -> Array:
         """Return the internal forces of a beam at a point, shape (n_times, 6), as `Body.section_forces`."""
         if point not in self._known_forces:
-            name, at = split_point(point)
-            places = body_places(self.scene.bodies[name], at)
-            self._known_forces[point] = self.forces_along(name, places)[:, 0]
+            name = split_point(point)[0]
+            points = [point, *(one for one in self._asked.get(name, ()) if one != point)]
+            places = [body_places(self.scene.bodies[name], split_point(one)[1]) for one in points]
+            forces = self.forces_along(name, np.concatenate(places))
+            self._known_forces.update((one, forces[:, k]) for k, one in enumerate(points))
         return self._known_forces[point]
+
+    @cached_property
+    def _asked(self) -> dict[str, dict[str, None]]:
+        """Points of each body that channels measure something at: their forces are found together."""
+        found = dict[str, dict[str, None]]()
+        for channel in self.scene.deck.channels:
+            point = channel.rpartition(".")[0]
+            name, at = split_point(point)
+            body = self.scene.bodies.get(name)
+            if body is not None and (not at or at in body.points):
+                found.setdefault(name, {})[point] = None
+        return found
 
     def forces_along(self, name: str, places: Array) -> Array:
         """Return the internal forces of a beam at distances from its root, (n_times, n_places, 6)."""
