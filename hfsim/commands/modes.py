@@ -163,7 +163,7 @@ def publish_campbell(result: Campbell, study: Study, as_csv: bool) -> None:
 
     _publish(
         study, result.facts(), "campbell", report.CAMPBELL_COLUMNS, result.rows(), as_csv,
-        report.campbell_text(result, f"{study.path}/"), drawn_by("modes:draw_campbell", result),
+        report.campbell_text(result, f"{study.path}/"), drawn_by("campbell:draw_campbell", result),
     )  # fmt: skip
 
 

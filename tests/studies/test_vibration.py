@@ -481,7 +481,7 @@ def test_the_command_writes_what_it_tells(tmp_path):
 
 
 def test_curves_of_a_campbell_diagram_go_through_their_crossings(monkeypatch, tmp_path):
-    from hfsim.output.plots import modes as pictures
+    from hfsim.output.plots import campbell as pictures
 
     drawn = {}
     monkeypatch.setattr(pictures, "save", lambda figures, folder: drawn.update(figures) or [])
@@ -833,7 +833,7 @@ solve: {duration: 1.0}
 
 
 def test_equal_blades_are_one_curve_of_the_campbell_diagram():
-    from hfsim.output.plots.modes import _together
+    from hfsim.output.plots.campbell import _together
 
     assert _together(hfsim.campbell(parse_deck(BLADES), [2.0, 4.0], count=4)) == [[1, 2], [3, 4]]
     light = parse_deck(BLADES.replace("1.0, elements: 2}\njoints", "1.1, elements: 2}\njoints"))

@@ -1,23 +1,20 @@
-"""Pictures of modes: both extremes of each shape beside the state, and frequencies against rates."""
+"""Pictures of modes: both extremes of each shape beside the state."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.output.plots.figures import dress, new_figure, outside_legend, set_title, set_title_above
 from hfsim.output.plots.files import save
+from hfsim.output.plots.ink import Pen
+from hfsim.output.plots.panel import TITLED, Note, Panel, Strokes
+from hfsim.output.plots.sheet import Sheet
 from hfsim.output.plots.space import oblique
-from hfsim.output.plots.style import BLUE, RED, colour, dashes
-from hfsim.studies.modes import Campbell, Mode, Modes
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from hfsim.output.plots.style import BLUE, RED
+from hfsim.studies.modes import Mode, Modes
 
 _PANELS = 6
 """Of one picture."""
@@ -26,9 +23,10 @@ _AMPLITUDE = 0.16
 """Largest displacement drawn, over the size of the scene."""
 _STATE = "0.72"
 _MARGIN = 0.08
-_UNSTABLE = "x"
-_ALIKE = 1e-6
-"""Relative difference of frequencies up to which one curve stands for several modes."""
+_WIDTHS = {1: 4.8, 2: 4.8, 3: 3.4}
+"""Of panels, by their number side by side [inch]."""
+_GAP, _ABOVE = 0.25, 0.12
+"""Between panels, and above each one's title [inch]."""
 
 
 def draw_modes(found: Modes, folder: Path) -> list[str]:
@@ -38,55 +36,54 @@ def draw_modes(found: Modes, folder: Path) -> list[str]:
     return save({name: _page(found, page) for name, page in zip(names, pages, strict=True)}, folder)
 
 
-def _page(found: Modes, modes: Sequence[Mode]) -> Figure:
-    outlines = {name: points for name, points in found.outlines.items() if points.size}
+def _page(found: Modes, modes: Sequence[Mode]) -> Sheet:
     spatial = found.about.scene.deck.dimension == 3
-    extremes = [_extremes(found, mode) for mode in modes]
-    every = [_seen(points, spatial) for points in outlines.values()]
-    every += [_seen(points, spatial) for pair in extremes for shapes in pair for points in shapes.values()]
-    low, high = _bounds(np.concatenate(every))
-    width, height = high - low
-    columns = min(_COLUMNS, len(modes)) if width < 2.5 * height else min(2, len(modes))
-    rows = -(-len(modes) // columns)
-    size = 3.4 if columns == _COLUMNS else 4.8
-    figure = new_figure((columns * size + 0.4, rows * (size * min(2.0, height / width) + 0.75) + 0.7))
-    panels = figure.subplots(rows, columns, squeeze=False)
-    for axes in panels.flat[len(modes) :]:
-        axes.set_axis_off()
-    for axes, mode, pair in zip(panels.flat, modes, extremes, strict=False):
-        for points in outlines.values():
-            axes.plot(*_seen(points, spatial).T, color=_STATE, linewidth=2.2, label="state")
-        for shapes, own in zip(pair, (BLUE, RED), strict=True):
-            for points in shapes.values():
-                axes.plot(*_seen(points, spatial).T, color=own, linewidth=1.4)
-        axes.set_xlim(low[0], high[0])
-        axes.set_ylim(low[1], high[1])
-        axes.set_aspect("equal")
-        axes.set_title(_title(mode), fontsize=9, loc="left")
+    state = [_seen(points, spatial) for points in found.outlines.values() if points.size]
+    extremes = [
+        [[_seen(points, spatial) for points in shapes.values()] for shapes in _extremes(found, mode)]
+        for mode in modes
+    ]
+    low, high = _bounds(np.concatenate([*state, *(one for pair in extremes for own in pair for one in own)]))
+    sheet = Sheet()
+    for panel, mode, pair in zip(_panels(sheet, len(modes), high - low), modes, extremes, strict=True):
+        panel.title = _title(mode)
+        panel.limit((low[0], high[0]), (low[1], high[1]))
+        panel.things.append(Strokes(state, Pen(_STATE, 2.2)))
+        panel.things += [Strokes(own, Pen(of, 1.4)) for own, of in zip(pair, (BLUE, RED), strict=True)]
         if spatial:
-            axes.set_axis_off()
-            _ground_axes(axes, low, high)
+            _draw_ground_axes(panel, low, high)
         else:
-            dress(axes, "x [m]", "y [m]")
-            axes.tick_params(labelsize=8)
-            axes.xaxis.label.set(fontsize=8, visible=axes in panels[-1])
-            axes.yaxis.label.set(fontsize=8, visible=axes in panels[:, 0])
+            panel.dress("x [m]", "y [m]")
+            below = any(one.x == panel.x and one.y < panel.y for one in sheet.panels)
+            panel.hide_numbers(below, beside=bool(panel.x))
+    return sheet.finish(_words(found))
+
+
+def _panels(sheet: Sheet, count: int, size: Array) -> list[Panel]:
+    """Return panels that show a part of the plane of a size (2,) [m], row by row from above."""
+    columns = min(_COLUMNS if size[0] < 2.5 * size[1] else 2, count)
+    rows, wide = -(-count // columns), _WIDTHS[columns]
+    width, height = (size * min(wide / size[0], 2.0 * wide / size[1])).tolist()
+    step = height + _ABOVE + TITLED
+    places = [divmod(k, columns) for k in range(count)]
+    return [sheet.add(x * (width + _GAP), (rows - 1 - y) * step, width, height) for y, x in places]
+
+
+def _words(found: Modes) -> str:
     about = found.about
     turning = ", seen from axes that turn" if about.axes_turn else ""
     state = about.state if about.period is None else f"{about.t:.4g} s in a period of {about.period:.4g} s"
-    words = f"{about.scene.deck.name}, {about.scene.model}: modes; grey: {state}{turning}; both extremes"
-    set_title_above(figure, words)
-    return figure
+    return f"{about.scene.deck.name}, {about.scene.model}: modes; grey: {state}{turning}; both extremes"
 
 
-def _ground_axes(axes: Axes, low: Array, high: Array) -> None:
+def _draw_ground_axes(panel: Panel, low: Array, high: Array) -> None:
     """Draw the directions of the ground's axes into the lower left corner."""
     size = 0.09 * float((high - low).max())
     corner = low + 0.6 * size
     for name, end in zip("xyz", oblique(size * np.eye(3)), strict=True):
-        axes.plot(*np.stack([corner, corner + end]).T, color="0.5", linewidth=0.9)
-        x, y = corner + 1.25 * end
-        axes.text(x, y, name, color="0.4", fontsize=7, ha="center", va="center")
+        panel.things.append(Strokes([np.stack([corner, corner + end])], Pen("0.5", 0.9)))
+        x, y = (corner + 1.25 * end).tolist()
+        panel.things.append(Note(name, x, y, 7.0, "0.4"))
 
 
 def _title(mode: Mode) -> str:
@@ -121,68 +118,3 @@ def _bounds(points: Array) -> tuple[Array, Array]:
     longest = float((high - low).max()) or 1.0
     middle, half = 0.5 * (low + high), 0.5 * np.maximum(high - low, 0.3 * longest) + _MARGIN * longest
     return middle - half, middle + half
-
-
-def _together(result: Campbell) -> list[list[int]]:
-    """Return the numbers of modes in groups of those with one frequency at all rates, as of equal blades."""
-    groups = list[list[int]]()
-    for number in range(1, len(result.tracks) + 1):
-        own = result.frequencies(number)
-        for group in groups:
-            if np.allclose(own, result.frequencies(group[0]), rtol=_ALIKE, atol=0.0, equal_nan=True):
-                group.append(number)
-                break
-        else:
-            groups.append([number])
-    return groups
-
-
-def draw_campbell(result: Campbell, folder: Path) -> list[str]:
-    """Draw ``campbell``: frequencies against rates, with the lines of excitations; return the file."""
-    from hfsim.studies.modes.campbell import ORDERS
-
-    figure = new_figure((9.0, 5.2))
-    axes: Axes = figure.subplots()
-    rates, top = result.rates, 0.0
-    for k, numbers in enumerate(_together(result)):
-        values = result.frequencies(numbers[0])
-        label = f"mode {numbers[0]}" if len(numbers) == 1 else f"modes {', '.join(map(str, numbers))}"
-        own = [one for one in result.crossings if one.track == numbers[0]]
-        every = np.concatenate([rates, [one.rate for one in own]])
-        curve = np.concatenate([values, [one.frequency for one in own]])
-        sorted_places = np.argsort(every, kind="stable")
-        style = (0.0, dashes(k)) if dashes(k) else "-"
-        axes.plot(
-            every[sorted_places], curve[sorted_places], color=colour(k), linestyle=style, linewidth=1.5,
-            label=label,
-        )  # fmt: skip
-        axes.plot(rates, values, "o", color=colour(k), markersize=3.0)
-        top = max(top, float(np.nanmax(values, initial=0.0)))
-        tracks = [result.tracks[number - 1] for number in numbers]
-        bad = [j for j, modes in enumerate(zip(*tracks, strict=True)) if any(m and m.unstable for m in modes)]
-        axes.plot(
-            rates[bad], values[bad], _UNSTABLE, color="black", markersize=8, label="unstable" if bad else None
-        )
-    low, high = float(rates.min()), float(rates.max())
-    top *= 1.06
-    for order in ORDERS:
-        ends = np.array([low, high])
-        axes.plot(ends, order * ends / (2.0 * np.pi), color="0.55", linewidth=0.9, linestyle="--")
-        at = min(high, 2.0 * np.pi * top / order)
-        axes.annotate(
-            f"{order} per rev.", (at, order * at / (2.0 * np.pi)), color="0.4", fontsize=8, ha="right",
-            va="bottom", xytext=(-6, -16 if at < high else 2), textcoords="offset points",
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
-        )  # fmt: skip
-    crossed = np.array([(one.rate, one.frequency) for one in result.crossings]).reshape(-1, 2)
-    axes.plot(
-        *crossed.T, "o", markerfacecolor="none", markeredgecolor="black", markersize=9,
-        label="crossing" if len(crossed) else None,
-    )  # fmt: skip
-    axes.set_xlim(low, high)
-    axes.set_ylim(0.0, top or 1.0)
-    dress(axes, "rate [rad/s]", "frequency [Hz]")
-    outside_legend(figure, [axes])
-    about = result.founds[0].about
-    set_title(figure, f"{about.scene.deck.name}, {about.scene.model}: frequencies {result.view}")
-    return save({"campbell": figure}, folder)

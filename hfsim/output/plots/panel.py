@@ -17,6 +17,8 @@ _NUMBER = 10.0 * POINT
 """Height of the numbers below an axis [inch]."""
 _WIDE, _HIGH = 0.8, 0.27
 """From a number along an axis to the next at least, across and upward [inch]."""
+TITLED, _TITLE = 0.22, 9.0
+"""Room for the title of a panel [inch], and its size [points]."""
 _GRID = Pen("0.9")
 _MARGIN = 0.05
 _NONE = np.zeros((0, 2))
@@ -145,6 +147,8 @@ class Panel:
     across, upward : Axis
     framed : bool
         Whether axes, ticks and a grid are drawn.
+    title : str
+        Above it.
     things : list
         What is drawn in it, from the first to the last.
     """
@@ -153,7 +157,7 @@ class Panel:
         self.x, self.y, self.width, self.height = x, y, width, height
         self.left = self.bottom = 0.0
         self.across = self.upward = _UNSTATED
-        self.framed = False
+        self.framed, self.title = False, ""
         self.things: list[Curve | Strokes | Note | Arrow] = []
 
     @property
@@ -192,9 +196,17 @@ class Panel:
         self.across = self.across.told(x_label, _most(self.width / _WIDE, 8))
         self.upward = self.upward.told(y_label, _most(self.height / _HIGH, 6))
 
-    def hide_numbers(self) -> None:
-        """Write nothing below it."""
-        self.across = self.across._replace(label="", words=())
+    @property
+    def top(self) -> float:
+        """Where it ends with its title [inch]."""
+        return self.y + self.height + TITLED * bool(self.title)
+
+    def hide_numbers(self, below: bool = True, beside: bool = False) -> None:
+        """Write nothing below it, or beside it."""
+        if below:
+            self.across = self.across._replace(label="", words=())
+        if beside:
+            self.upward = self.upward._replace(label="", words=())
 
     def place(self, points: Array) -> Array:
         """Return where points (n, 2) of the data are on the sheet [inch]."""
@@ -215,6 +227,9 @@ class Panel:
             ink.lines([*ticks, *(np.array([(left, one), (left - _TICK, one)]) for one in y)], Pen())
         for thing in self.things:
             thing.draw(ink, self)
+        if self.title:
+            size = fitted(self.title, self.width, _TITLE).size
+            ink.words(self.title, left, top + 4.0 * POINT, size, up="bottom")
         if self.framed:
             sides = np.array([(left, top), (left, bottom)]), np.array([(left, bottom), (right, bottom)])
             ink.lines(sides, Pen(), cap="projecting")

@@ -116,7 +116,7 @@ class Sheet:
     @property
     def _extent(self) -> tuple[float, float]:
         """Width and height of all axes together [inch]."""
-        return max(one.x + one.width for one in self.panels), max(one.y + one.height for one in self.panels)
+        return max(one.x + one.width for one in self.panels), max(one.top for one in self.panels)
 
     @property
     def _bar_room(self) -> float:
