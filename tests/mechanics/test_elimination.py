@@ -90,6 +90,15 @@ joints:
   elbow: {type: revolute, between: [b1.tip, b3.root]}
   wrist: {type: revolute, between: [b3.tip, b4.tip]}
 """,
+    "clamped by sections": """
+  b3: {type: beam, element: continuum, degree: 4, section_degree: 3, material: soft, section: bar, length: 2}
+  b4: {type: beam, element: continuum, material: soft, section: bar, length: 2, elements: 2}
+joints:
+  wall: {type: fixed, between: [ground, b3.root], angle: 0.7}
+  slide: {type: prismatic, between: [ground, b4.tip], axis: [1, 2]}
+  elbow: {type: revolute, between: [b3.tip, b1.root]}
+initial: {b3: {angle: 0.7}}
+""",
 }
 MULTIPLIERS = {
     "chain": 0,
@@ -101,6 +110,7 @@ MULTIPLIERS = {
     "on the rim of what slides": 3,
     "loop": 2,
     "led by sections": 10,
+    "clamped by sections": 1,
 }
 
 
@@ -218,8 +228,13 @@ def test_natural_increments_go_there_and_back(name, model):
     assert finite == pytest.approx(small, abs=1e-8 * np.abs(small).max())
 
 
-@pytest.mark.parametrize("model", ["ancf", "linear"])
-@pytest.mark.parametrize("name", ["chain", "from the tip", "clamped", "loop"])
+@pytest.mark.parametrize(
+    ("name", "model"),
+    [
+        *[(name, "ancf") for name in ("chain", "from the tip", "clamped", "loop")],
+        *[(name, "linear") for name in ("chain", "from the tip", "clamped", "loop", "clamped by sections")],
+    ],
+)
 def test_rates_of_natural_increments_change_as_they_say(name, model):
     """Second ones are derivatives of first ones, where nothing is mounted on what turns by itself."""
     system = (scene := scene_of(name, model=model)).system

@@ -181,7 +181,7 @@ class CosseratBeam(VectorBeam):
             return None
         from hfsim.parts.bodies.planar_carried import CarriedBeams
 
-        return CarriedBeams(self.columns, 1, 2)
+        return CarriedBeams(self.columns, 1, 2, 2)
 
     def carried(self) -> Carried | None:
         """Return the vectors of each node with its section vectors, in space and absolute."""

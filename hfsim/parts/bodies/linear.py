@@ -71,7 +71,8 @@ class PlanarLinearBeam(LinearBeam):
             return None
         from hfsim.parts.bodies.planar_rooted import RootedBeams
 
-        return RootedBeams(self.columns, 1, self.mesh.element.stride)
+        element = self.mesh.element
+        return RootedBeams(self.columns, 1, element.stride, element.per_node)
 
 
 def linearised(beam: Blueprint, kind: type[LinearElasticForce]) -> LinearElasticForce:

@@ -178,7 +178,7 @@ class NodalBeam(VectorBeam):
         if element.per_node > 2:
             from hfsim.parts.bodies.planar_carried import CarriedBeams
 
-            return None if self.framed else CarriedBeams(*row[:3])
+            return None if self.framed else CarriedBeams(*row[:3], element.per_node)
         from hfsim.parts.bodies.planar_interior import InteriorBeams
 
         return InteriorBeams(*row)

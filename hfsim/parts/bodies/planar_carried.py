@@ -10,22 +10,19 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.frozen import frozen
-from hfsim.parts.bodies.planar_natural import PlanarIncrements
+from hfsim.parts.bodies.planar_seen import SeenIncrements
 
 
 @frozen
-class CarriedBeams(PlanarIncrements):
-    """Vectors of alike beams as seen from the direction of the second vector of the node before them.
+class CarriedBeams(SeenIncrements):
+    """Vectors of alike beams as seen from the second vector of the node before them.
 
     A geometry are these directions of all vectors, (n_batch, n_bodies, n_vectors), of length one.
     """
 
     def geometry(self, q: Array) -> ComplexArray:
         """Return the direction that each vector is seen from."""
-        z = self._complex(q)
-        owners = np.arange(z.shape[-1]) // self.stride * self.stride + 1
-        seen = z.take(owners, axis=-1)
-        return np.asarray(seen / np.abs(seen))
+        return self._directions(self._complex(q), self._numbers // self.stride * self.stride + 1)
 
     def spins(self, y1: Array) -> Array:
         """Return the mean rates of the second vectors of nodes, which are about of length one."""

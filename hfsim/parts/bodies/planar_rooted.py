@@ -14,7 +14,7 @@ from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.frozen import frozen
 from hfsim.maths.traced import changeable
 from hfsim.parts.bodies.planar_frame import ROOT
-from hfsim.parts.bodies.planar_natural import PlanarIncrements
+from hfsim.parts.bodies.planar_seen import SeenIncrements
 
 
 class Seen(NamedTuple):
@@ -22,10 +22,11 @@ class Seen(NamedTuple):
 
     Attributes
     ----------
-    slope, turn : ndarray of complex, shape (n_batch, n_bodies, 1)
-        Slope at the root, and its direction.
-    p : ndarray of complex, shape (n_batch, n_bodies, n_vectors)
-        Vectors in the axes of the root.
+    slope : ndarray of complex, shape (n_batch, n_bodies, 1)
+        Slope at the root.
+    turn, p : ndarray of complex, shape (n_batch, n_bodies, n_vectors)
+        The directions that vectors are seen from, that of the slope at the root but for section vectors of
+        nodes, and the vectors seen so.
     """
 
     slope: ComplexArray
@@ -34,15 +35,14 @@ class Seen(NamedTuple):
 
 
 @frozen
-class RootedBeams(PlanarIncrements):
+class RootedBeams(SeenIncrements):
     """Natural increments of alike beams of the model linear."""
 
     def geometry(self, q: Array) -> Seen:
         """Return what the maps below need of a batch of states."""
         z = self._complex(q)
-        slope = _root(z)
-        turn = slope / np.abs(slope)
-        return Seen(slope, turn, self._seen(z, turn))
+        turn = self._directions(z, np.full_like(self._numbers, ROOT))
+        return Seen(_root(z), turn, self._seen(z, turn))
 
     def spins(self, y1: Array) -> Array:
         """Return the rates of the roots."""
@@ -80,7 +80,8 @@ class RootedBeams(PlanarIncrements):
         """Write what velocities alone make of the second derivatives of natural coordinates into ``out``."""
         rate = self._complex(y1)
         root = _root(rate)
-        self._join((-1j * root.imag) * rate, np.zeros_like(root), -(root * root), out)
+        spin = np.where(self._sections, rate.imag / np.where(self._sections, at.p.real, 1.0), root.imag)
+        self._join((-1j * spin) * rate, np.zeros_like(root), -(root * root), out)
 
     def _seen(self, z: ComplexArray, turn: ComplexArray) -> ComplexArray:
         """Return vectors, or changes of them, in the axes of the root."""
