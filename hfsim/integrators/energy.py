@@ -78,6 +78,8 @@ class Path(NamedTuple):
         From accelerations along the path to stage values of their Legendre series of s terms.
     beyond : ndarray, shape (k,)
         From accelerations along the path to the first coefficient that is left out.
+    lag : ndarray, shape (k,)
+        The Legendre polynomial of degree s: what the velocity has more than that of the path.
     """
 
     nodes: Array
@@ -85,6 +87,7 @@ class Path(NamedTuple):
     rate: Array
     average: Array
     beyond: Array
+    lag: Array
 
 
 @lru_cache(maxsize=64)
@@ -100,6 +103,7 @@ def path(stages: int, points: int) -> Path:
         rate=values[:, :stages] @ series,
         average=legendre(table.nodes, stages)[0] @ coefficients[:stages],
         beyond=coefficients[stages],
+        lag=values[:, stages],
     )
 
 
@@ -151,9 +155,28 @@ class EnergyStepper(CollocationStepper):
 
     def _error(self, place: Place, end: End) -> float:
         """Return what the first term that the series leaves out would move within the step."""
+        error = self._moves(place, self._path.beyond @ self._along)
+        return max(error, self._unresisted(place, end)) if self._problem.dissipates else error
+
+    def _moves(self, place: Place, coefficient: Array) -> float:
+        """Return what a term of degree s in the accelerations moves, over the tolerance."""
         (_, q, _, h), s = place, self.table.stages
-        left_out = h * np.abs(self._path.beyond @ self._along) / (2.0 * (2 * s + 1))
-        return relative(max(h / (2.0 * (2 * s + 3)), self.reach) * left_out, q, self._tolerance)
+        rate = h * coefficient / (2.0 * (2 * s + 1))
+        return relative(max(h / (2.0 * (2 * s + 3)), self.reach) * rate, q, self._tolerance)
+
+    def _unresisted(self, place: Place, end: End) -> float:
+        """Return what comes of the term that the velocity has more than the path's, over the tolerance.
+
+        Dampers resist the velocity of the path, so no term of the series tells of the rest.  Resisted, that
+        would move something else; but no more than it moves by itself, however stiff a damper is.
+        """
+        (t, q, v, h), s = place, self.table.stages
+        lag = h * end.series[s - 1] / (2.0 * (2 * s - 1))
+        times, Q, V = self._states(t, q, v, h, self._solution)
+        whole = self._problem.evaluate(times, Q, V + self._path.lag[:, None] * lag)
+        resisted = self._moves(place, self._path.beyond @ (whole - self._along))
+        by_itself = relative(max(h / (2.0 * (2 * s + 1)), self.reach) * lag, q, self._tolerance)
+        return min(by_itself, resisted)
 
     def _growth(self, error: float, h: float) -> float:
         growth = 0.8 * max(error, 1e-30) ** (-1.0 / (self.table.stages + 2))
@@ -170,7 +193,7 @@ class EnergyStepper(CollocationStepper):
             solved = self._followed(*place)
         if solved is None:
             return None
-        step.a = solved
+        step.a = self._solution = solved
         return step
 
     def _followed(self, t: float, q: Array, v: Array, h: float) -> Array | None:

@@ -44,6 +44,15 @@ initial: {hub: {angle: 1.0}}
 solve: {duration: 0.3, method: energy, step: 0.01}
 """
 
+SLIDE = """
+hfsim: 1
+gravity: [0.0, 0.0]
+bodies: {cart: {type: rigid, mass: 1.0, inertia: 1.0}}
+joints: {rail: {type: prismatic, between: [ground, cart], damping: 1.0e5}}
+initial: {cart: {velocity: [1.0, 0.0]}}
+solve: {duration: 1.0, method: energy, tolerance: 1.0e-8}
+"""
+
 
 def solved(deck, *overrides, model=None):
     """Return scene and integration of a deck given as text or as the path of a case."""
@@ -172,6 +181,18 @@ def test_the_work_of_dampers_and_loads_is_as_accurate_as_the_steps():
     drifts = [drift_of(*solved(pushed, f"solve.step={h}", *given)) for h in (0.008, 0.002)]
     assert drifts[0] < 1e-2
     assert drifts[1] < drifts[0] / 100.0
+
+
+@pytest.mark.parametrize("damping", [10.0, 1e3, 1e5])
+@pytest.mark.parametrize("stages", [1, 2, 3, 4])
+def test_steps_resolve_what_dampers_stop(stages, damping):
+    """x = (1 - exp(-c t)) / c of a mass of one: the path of a step alone tells nothing of how it stops."""
+    given = f"joints.rail.damping={damping}", f"solve.stages={stages}", "solve.tolerance=1e-6"
+    scene, done = solved(SLIDE, *given)
+    t = np.linspace(0.0, 1.0, 201)
+    expected = -np.expm1(-damping * t) / damping
+    assert scene.system.absolute(done.trajectory.at(t)[0])[:, 0] == pytest.approx(expected, abs=5e-5)
+    assert done.problem.counts.steps < 500
 
 
 # what it does not promise ---------------------------------------------------------------------------
