@@ -334,7 +334,10 @@ class RelativeAngle(_Difference):
 
 @frozen
 class Along(Constraint):
-    """The distance along a direction fixed to the first body, a unit vector in its frame."""
+    """The distance along a direction fixed to the first body, a unit vector in its frame.
+
+    The direction keeps unit length, whatever becomes of the body's own axes.
+    """
 
     direction: tuple[float, ...]
     why_kept: ClassVar[str] = "it holds a distance along an axis"
@@ -347,7 +350,7 @@ class Along(Constraint):
     @property
     def products(self) -> tuple[Product, ...]:
         """The axis times the distance, in space."""
-        axis = self.first.linear_axis(np.array(self.direction))
+        axis = self.first.square.linear_axis(np.array(self.direction))
         ends = [marker.linear_place for marker in self.ends]
         if axis is None or ends[0] is None or ends[1] is None or self.constant or self.driven or self.offset:
             return ()
@@ -355,7 +358,7 @@ class Along(Constraint):
 
     def _geometry(self, x: Array) -> tuple[Array, Array]:
         """Return the direction and the distance vector."""
-        axis = self.first.axis(x, np.array(self.direction))
+        axis = self.first.square.axis(x, np.array(self.direction))
         return axis, self.second.position(x) - self.first.position(x)
 
     def gap(self, x: Array) -> Array:
@@ -367,15 +370,17 @@ class Along(Constraint):
         """Return the Jacobian of axis . gap."""
         axis, gap = self._geometry(x)
         row = axis[:, None] @ self.ends[end].position_jacobian(x)
-        return row if end else gap[:, None] @ self.first.axis_jacobian(x, np.array(self.direction)) - row
+        if end:
+            return np.asarray(row)
+        return np.asarray(gap[:, None] @ self.first.square.axis_jacobian(x, np.array(self.direction)) - row)
 
     def bias(self, x: Array, u: Array) -> Array:
         """Return the terms of (axis . gap)'' without accelerations."""
         (a, b), (axis, gap), own = self.ends, self._geometry(x), np.array(self.direction)
-        turning = (a.axis_jacobian(x, own) @ u[:, a.columns, None])[..., 0]
+        turning = (a.square.axis_jacobian(x, own) @ u[:, a.columns, None])[..., 0]
         parts = axis * (b.position_bias(x, u) - a.position_bias(x, u))
         parts += 2.0 * turning * (b.velocity(x, u) - a.velocity(x, u))
-        parts += a.axis_bias(x, u, own) * gap
+        parts += a.square.axis_bias(x, u, own) * gap
         return np.asarray(np.sum(parts, axis=-1, keepdims=True))
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:

@@ -12,10 +12,9 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import cross
-from hfsim.mechanics.force import difference
 from hfsim.mechanics.markers import ROUNDING, Marker
 from hfsim.mechanics.products import LinearVector
-from hfsim.mechanics.spatial_markers import VectorMarker
+from hfsim.mechanics.spatial_markers import SquareMarker, VectorMarker
 
 TANGENTIAL = np.eye(3)
 """From t1, t2, t3 to the marker's axes, as rows, where the vectors are r_x and r_y."""
@@ -115,15 +114,12 @@ class GradientMarker(VectorMarker):
 
     def axis_stiffness(self, x: Array, a: Array, force: Array) -> Entries:
         """Return the second derivative of force . axis in one state, by differences."""
-        if self._slope(a) is not None:
-            return NOTHING
+        return NOTHING if self._slope(a) is not None else self.square.axis_stiffness(x, a, force)
 
-        def pulled(moved: Array) -> Array:
-            out = np.zeros_like(moved)
-            out[:, self.columns] = (force @ self.axis_jacobian(moved, a)).reshape(len(moved), -1)
-            return out
-
-        return difference(pulled, x, self.support, fine=True)
+    @cached_property
+    def square(self) -> SquareMarker:
+        """Return it with axes of unit length alone."""
+        return SquareMarker(self)
 
     def spin_jacobian(self, x: Array) -> Array:
         """Return the derivative of its turn: the first vector turns t1, the second the frame about t1."""

@@ -155,6 +155,14 @@ class Marker:
         """
         return self
 
+    @property
+    def square(self) -> Marker:
+        """The same point with axes of unit length and at right angles, along which distances are measured.
+
+        They are those of `frame`, but linear in the coordinates where its own are square in every state.
+        """
+        return self
+
     def axis_stiffness(self, x: Array, a: Array, force: Array) -> Entries:
         """Return force . d2(axis)/dx2 in one state for a vector (n_dim,): nothing if axes are linear."""
         return NOTHING

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -12,9 +13,9 @@ from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import cross, dot, skew
 from hfsim.mechanics.crossed import CrossedVector
-from hfsim.mechanics.markers import ROUNDING
+from hfsim.mechanics.markers import ROUNDING, Marker
 from hfsim.mechanics.products import LinearVector
-from hfsim.mechanics.spatial_markers import VectorMarker
+from hfsim.mechanics.spatial_markers import SquareMarker, VectorMarker
 
 HALF = np.sqrt(0.5)
 """Sine and cosine of half a right angle."""
@@ -71,6 +72,12 @@ class SectionMarker(VectorMarker):
         between, across = d[:, 1] + d[:, 2], d[:, 1] - d[:, 2]
         between, across = (HALF / np.sqrt(dot(one, one)) * one for one in (between, across))
         return np.stack([d[:, 0], between + across, between - across], axis=1)
+
+    @cached_property
+    def square(self) -> Marker:
+        """Return itself at a node, whose section vectors are kept square."""
+        nodal = all(self._vector_columns(row) is not None for row in self.axis_rows)
+        return self if nodal else SquareMarker(self)
 
     def linear_axis(self, a: Array) -> LinearVector | None:
         """Return combinations of d2 and d3; None of d1."""

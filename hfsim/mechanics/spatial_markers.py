@@ -5,12 +5,13 @@ Axes of a body are vectors among its coordinates: every direction that joints ho
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Callable
+from functools import cached_property, lru_cache
 from typing import ClassVar
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, BoolArray
+from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import FIRST, lever, rotation, rotation_rates, skew, smallest_rotation
@@ -83,6 +84,11 @@ class VectorMarker(LinearMarker):
         """Return the same matrix for every state."""
         return np.asarray(np.kron(np.asarray(a)[: self.n_axes] @ self.axis_rows, np.eye(3))[None])
 
+    @cached_property
+    def square(self) -> Marker:
+        """Return it with a tangent of unit length where that is its only axis."""
+        return self if self.n_axes == 3 else SquareMarker(self)
+
     def axis_bias(self, x: Array, u: Array, a: Array) -> Array:
         """Return zero: axes are linear in the coordinates."""
         return np.zeros((len(x), 3))
@@ -104,13 +110,60 @@ class VectorMarker(LinearMarker):
 
     def spin_stiffness(self, x: Array, moment: Array) -> Entries:
         """Return the derivative of moment . spin Jacobian, by differences."""
+        return bent(self, x, lambda moved: moment @ self.spin_jacobian(moved))
 
-        def pulled(moved: Array) -> Array:
-            out = np.zeros_like(moved)
-            out[:, self.columns] = moment @ self.spin_jacobian(moved)
-            return out
 
-        return difference(pulled, x, self.support, fine=True)
+@frozen
+class SquareMarker(Marker):
+    """A point as what is measured along its axes sees it: with those of its frame.
+
+    Attributes
+    ----------
+    point : Marker
+        Its own axes are of other lengths, or lean on one another.
+    """
+
+    point: Marker
+    n_dim: ClassVar[int] = 3
+    n_spin: ClassVar[int] = 3
+    linear_turn: ClassVar[bool] = False
+
+    @property
+    def columns(self) -> slice:  # type: ignore[override]
+        """Of the point."""
+        return self.point.columns
+
+    @property
+    def support(self) -> IntArray:
+        """Of the point."""
+        return self.point.support
+
+    def turned(self, x: Array, a: Array) -> Array:
+        """Return vectors (3,), given in its frame, in ground axes."""
+        return self.point.turned(x, a)
+
+    def spin_jacobian(self, x: Array) -> Array:
+        """Return that of the frame."""
+        return self.point.spin_jacobian(x)
+
+    def spin_bias(self, x: Array, u: Array) -> Array:
+        """Return that of the frame."""
+        return self.point.spin_bias(x, u)
+
+    def axis_stiffness(self, x: Array, a: Array, force: Array) -> Entries:
+        """Return the second derivative of force . axis in one state, by differences."""
+        return bent(self, x, lambda moved: force @ self.axis_jacobian(moved, a))
+
+
+def bent(marker: Marker, x: Array, pulled: Callable[[Array], Array]) -> Entries:
+    """Return the derivative of a force on the body of a marker, (n_batch, n_columns), by differences."""
+
+    def whole(moved: Array) -> Array:
+        out = np.zeros_like(moved)
+        out[:, marker.columns] = pulled(moved).reshape(len(moved), -1)
+        return out
+
+    return difference(whole, x, marker.support, fine=True)
 
 
 @frozen

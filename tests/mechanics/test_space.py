@@ -1,5 +1,6 @@
 """Markers and joints in space against differences; frames, reactions, redundancy of what they hold."""
 
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -17,7 +18,7 @@ from hfsim.maths.rotations import (
     rotation_vector,
     skew,
 )
-from hfsim.mechanics.constraints import constraints_of
+from hfsim.mechanics.constraints import Shift, constraints_of
 from hfsim.mechanics.directions import Facing, Parallel, Square
 from hfsim.mechanics.gradient_markers import SECTIONAL, TANGENTIAL, GradientMarker
 from hfsim.mechanics.joint_rows import JointRows
@@ -430,6 +431,40 @@ def test_an_angle_about_an_axis_counts_from_the_smallest_rotation(tilt):
         R = rotation(MARKERS["ground"].pose.turn) @ rotation(np.array([0.0, 0.0, angle])) @ tilt
         x[0, BODY] = np.r_[np.zeros(3), R.T.ravel()]
         assert c.gap(x)[0, 0] == pytest.approx(angle, abs=1e-14)
+
+
+@pytest.mark.parametrize("name", ["section", "gradient", "turned", "tangential", "line"])
+def test_a_distance_along_an_axis_is_that_of_its_frame(name, rng):
+    """However long its own axes are: 0.7 m are 0.7 m, and a force is as large as it says."""
+    x, axes = state(rng), (np.eye(3) if name != "line" else np.eye(1, 3))
+    first, second = MARKERS[name], MARKERS["body"]
+    frame = first.frame(x[None])[0]
+    x[BODY][:3] += first.position(x[None])[0] + frame @ [0.7, -0.4, 0.2] - second.position(x[None])[0]
+    for axis, distance in zip(axes, (0.7, -0.4, 0.2), strict=False):
+        (c,) = Shift(tuple(axis)).between(first, second)
+        assert c.gap(x[None])[0, 0] == pytest.approx(distance, abs=1e-14)
+        assert c.reaction(x[None], np.array([[-2.0]]))[0][0] == pytest.approx(2.0 * frame @ axis, abs=1e-14)
+
+
+def test_a_distance_along_the_tangent_of_a_line_against_differences(rng):
+    (c,) = Shift((2.0, 0.0, 0.0)).between(MARKERS["line"], MARKERS["body"])
+    at, x, u, a = path(rng)
+
+    def rate(moved, rates):
+        J = c.jacobians(moved)
+        return sum((one @ rates[m.columns])[:, 0] for m, one in zip(c.ends, J, strict=True))
+
+    assert rate(x[None], u)[0] == pytest.approx(slope(lambda s: c.gap(at(s)))[0], abs=1e-8)
+    bias = c.bias(x[None], u[None])[0, 0]
+    assert rate(x[None], a)[0] + bias == pytest.approx(second(lambda s: c.gap(at(s)))[0], abs=2e-5)
+
+
+def test_axes_of_a_node_are_square_themselves():
+    """Nothing but vectors of the state is evaluated of them."""
+    node = replace(MARKERS["section"], axis_rows=np.eye(6)[1:3])
+    assert node.square is node
+    assert MARKERS["body"].square is MARKERS["body"]
+    assert MARKERS["section"].square is not MARKERS["section"]
 
 
 @pytest.mark.parametrize("swing", [[0.0, 0.0, 0.0], [0.0, 1.7, 0.0], [-2.0, 2.2, 0.0]])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import yaml
 
+import hfsim
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 
@@ -82,3 +83,45 @@ def test_points_of_undeformed_beams_are_turned_as_the_body_frame_is(line):
         marker = scene.bodies["beam"].marker(place)
         assert marker.axes(x)[0] == pytest.approx(np.eye(3), abs=1e-13)
         assert marker.frame(x)[0] == pytest.approx(np.eye(3), abs=1e-13)
+
+
+@pytest.mark.parametrize("element", ["cosserat", "cable"])
+def test_distances_and_forces_along_an_axis_are_as_large_as_stated(element):
+    """Of a beam that is bent, or stretched by a third: whatever its own vectors become in between."""
+    beam = {"type": "beam", "element": element, "length": 0.5, "elements": 2, "points": {"mid": [0.2, 0, 0]}}
+    axis, modulus = ([1.0, 0.0, 0.0], 1.0e5) if element == "cable" else ([0.6, 0.8, 0.0], 2.0e7)
+    deck = {
+        "hfsim": 1, "gravity": [0, 0, 0],
+        "materials": {"rubber": {"density": 1000.0, "youngs_modulus": modulus}},
+        "sections": {"s": {"shape": "circle", "radius": 0.012}},
+        "bodies": {
+            "b": {**beam, "material": "rubber", "section": "s"},
+            "r": {"type": "rigid", "mass": 0.1, "inertia": [1e-3] * 3},
+        },
+        "joints": {
+            "c": {"type": "fixed", "between": ["ground", "b.root"]},
+            "led": {"type": "driver", "between": ["b.mid", "r"], "axis": axis, "position": 0.2},
+            "push": {"type": "motor", "between": ["b.mid", "r"], "axis": axis, "force": 0.5},
+        },
+        "springs": {
+            "held": {
+                "type": "bushing", "between": ["b.mid", "r"], "place": [0.2 * a for a in axis],
+                "stiffness": 1.0, "rotational_stiffness": 1.0,
+            }
+        },
+        "loads": {"f": {"type": "force", "at": "b.tip", "force": [15.0, 2.0, 3.0]}},
+        "solve": {"duration": 0.1},
+        "output": {
+            "channels": [f"{p}.{a}" for p in ("b.mid", "r") for a in "xyz"]
+            + ["led.distance", *(f"push.force_{a}" for a in "xyz")]
+        },
+    }  # fmt: skip
+    if element == "cable":  # a line has its tangent alone
+        deck["springs"]["held"]["between"] = ["ground", "r"]
+        deck["springs"]["held"]["place"] = [0.5, 0.0, 0.0]
+    found = hfsim.static(deck).final
+    force = np.array([found[f"push.force_{a}"] for a in "xyz"])
+    gap = np.array([found[f"r.{a}"] - found[f"b.mid.{a}"] for a in "xyz"])
+    assert np.linalg.norm(force) == pytest.approx(0.5, rel=1e-12)
+    assert gap @ force / 0.5 == pytest.approx(0.2, rel=1e-9)
+    assert found["led.distance"] == pytest.approx(0.2, rel=1e-9)

@@ -15,6 +15,7 @@ from hfsim.maths.rotations import FIRST, lever, skew, smallest_rotation
 from hfsim.mechanics.body import Place
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.spatial_markers import SquareMarker
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.foreshortened import ForeshortenedMarker
 from hfsim.parts.bodies.root_frame import ACROSS, RootFrame, spun_by
@@ -125,6 +126,11 @@ class SpatialLowOrderMarker(ForeshortenedMarker):
     def axis(self, x: Array, a: Array) -> Array:
         """Return the slope, times the first component."""
         return np.asarray(np.asarray(a)[0] * self._slope(x))
+
+    @cached_property
+    def square(self) -> SquareMarker:
+        """Return it with a tangent of unit length."""
+        return SquareMarker(self)
 
     def axis_jacobian(self, x: Array, a: Array) -> Array:
         """Return the derivative of `axis` by X."""
