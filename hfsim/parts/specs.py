@@ -231,6 +231,10 @@ class SpringSpec(Spec):
         """The joint that holds B where it is without force, if that is one place."""
         return None
 
+    def firmness(self, n_dim: int) -> tuple[int, int, float, float]:
+        """Return how many shifts and turns it holds there, how many shifts, and how stiff both are in all."""
+        return 0, 0, 0.0, 0.0
+
     def parts(self, first: "Marker", second: "Marker", start: Array) -> "Iterator[tuple[str, ForcePart]]":
         """Yield what acts between two markers of a scene with coordinates (n,) at the start, by names."""
         yield "", self.build(first, second, start)

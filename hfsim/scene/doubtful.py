@@ -23,6 +23,8 @@ OPPOSITE = 1e-6
 """Angle [rad] from opposite ways up to which no rotation that takes one axis to another is the smallest."""
 WOUND = 0.5 * np.pi * (1.0 - 1e-9)
 """Angle [rad], from no turn and from where a spring is at rest, from which it starts wound up by mistake."""
+APART = 1e-3
+"""Angle [rad], or part of the size of a scene, by which bushings that place a body may disagree."""
 UNMOVED = 1e-9
 """Part of the largest rate in a motion that counts as none."""
 MOST_COORDINATES = 600
@@ -35,6 +37,7 @@ def doubtful(scene: Measured) -> Iterator[tuple[str, str]]:
     springs = ((f"springs.{name}", spring) for name, spring in deck.springs.items())
     turned: list[tuple[str, Any]] = [(path, one) for path, one in springs if _turned(one) or one.about]
     yield from _wound(scene, turned)
+    yield from _torn(scene)
     if deck.dimension == 3:
         turned += [(f"joints.{name}", joint) for name, joint in deck.joints.items() if _turned(joint)]
         yield from _without_zero(scene, turned)
@@ -139,6 +142,26 @@ def _wound(scene: Measured, springs: Sequence[tuple[str, Any]]) -> Iterator[tupl
                 message = f"starts wound up by {abs(off):.4g} rad ({moment:.4g} N m)"
                 yield path, f"{message}, though nothing states that: {_unwound(scene, bodies, axis, off)}"
                 break
+
+
+def _torn(scene: Measured) -> Iterator[tuple[str, str]]:
+    """Yield bushings that start under force because others, which hold as much, say where bodies start."""
+    from hfsim.scene.mounts import overruled
+
+    t, x, resting = np.zeros(1), scene.system.absolute(scene.q[None]), set(scene.deck.resting)
+    for name in overruled(scene.deck):
+        spring, off, acting = scene.deck.springs[name], {"m": 0.0, "rad": 0.0}, {"m": 0.0, "rad": 0.0}
+        for tie in scene.ties(name):
+            rests = (one.rest for one in tie.resistances)
+            off[tie.unit] = np.hypot(off[tie.unit], float(tie.measured(t, x)[0][0]) - sum(rests))
+            acting[tie.unit] = np.hypot(acting[tie.unit], float(tie.effort(t, x, 0.0 * x)[0]))
+        far = max(off["m"] / scene.assembly.linkage.size, off["rad"]) > APART
+        if far and not resting & {split_point(point)[0] for point in spring.between}:
+            yield f"springs.{name}", (
+                f"starts under force ({acting['m']:.4g} N, {acting['rad']:.4g} N m), {off['m']:.4g} m and "
+                f"{off['rad']:.4g} rad from its rest: other bushings say where its bodies start; "
+                "if that is meant, state it under 'initial'"
+            )
 
 
 def _far_from_rest(scene: Measured, path: str, spring: Any) -> Iterator[tuple[Array, float, float]]:

@@ -1,5 +1,7 @@
 """Bushings: fixed joints that give, in the plane and in space, and where they let bodies start."""
 
+from itertools import permutations
+
 import numpy as np
 import pytest
 from natively import native, runs_alike
@@ -222,6 +224,39 @@ def test_their_place_is_where_a_body_starts_that_only_turns_are_said_of():
     assert starts(DRIVEN, **{"initial.hub.position": [0, 0]})["hub.x"] == 0.0
     held = DRIVEN.replace("joints: {", "joints: {pin: {type: revolute, between: [ground, hub]}, ")
     assert starts(held)["hub.x"] == 0.0
+
+
+def bushing(first, second, stiffness=200.0, turning=2.0, **more):
+    own = {"rotational_stiffness": turning} if turning else {}
+    return {"type": "bushing", "between": [first, second], "stiffness": stiffness, **own, **more}
+
+
+@pytest.mark.parametrize(
+    ("last", "place", "told"),
+    [
+        (bushing("ground.c", "b", 3e4, None), [0.3, 0.0], None),  # what holds place and turn comes first
+        (bushing("ground.c", "b", 100.0), [0.8, 0.4], "link"),  # what is nearer to the ground
+        (bushing("a", "b", 300.0, place=[0.1, 0.2]), [0.1, 0.2], "link"),  # what is stiffer
+        (bushing("a", "b", 100.0, place=[0.1, 0.2]), [0.3, 0.0], "last"),
+        (bushing("ground.c", "b", place=[-0.5, -0.4]), [0.3, 0.0], None),  # both say the same
+    ],
+)
+def test_where_several_let_a_body_start_does_not_depend_on_their_order(last, place, told):
+    springs = {"mount": bushing("ground", "a"), "link": bushing("a", "b", place=[0.3, 0.0]), "last": last}
+    for order in permutations(springs):
+        deck = {
+            "hfsim": 1, "gravity": [0.0, 0.0], "ground": {"points": {"c": [0.8, 0.4]}},
+            "bodies": {name: {"type": "rigid", "mass": 1.0, "inertia": 0.02} for name in "ab"},
+            "springs": {name: springs[name] for name in order},
+            "solve": {"duration": 0.1},
+        }  # fmt: skip
+        scene = build(parsed(deck))
+        assert scene.assembly.poses["b"].origin == pytest.approx(place, abs=1e-12)
+        assert [one.split(" ")[0] for one in scene.warnings] == ([f"springs.{told}"] if told else [])
+        assert all("starts under force" in one and "state it" in one for one in scene.warnings)
+        stated = {"a": {"position": [0, 0]}, "b": {"position": place}}
+        for meant in (stated, {"equilibrium": True}):
+            assert not build(parsed({**deck, "initial": meant})).warnings
 
 
 @pytest.mark.parametrize(

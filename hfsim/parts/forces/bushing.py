@@ -12,6 +12,7 @@ from hfsim.deck.laws import LinearLaw
 from hfsim.deck.orientation import matrix_of
 from hfsim.deck.spec import Around, Complaint
 from hfsim.maths.arrays import Array
+from hfsim.maths.rotations import freedoms
 from hfsim.mechanics.constraints import Held, Shift, Turn
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.resistances import LinearSpring
@@ -108,6 +109,13 @@ class BushingSpec(SpringSpec):
             orientation=self.orientation,
             place=self.place,
         )
+
+    def firmness(self, n_dim: int) -> tuple[int, int, float, float]:
+        """Return how many shifts and turns have a stiffness, how many shifts, and the sums of both."""
+        shifts = np.broadcast_to(self.stiffness, n_dim)
+        turns = np.broadcast_to(self.rotational_stiffness, freedoms(n_dim) - n_dim)
+        along, about = int(np.count_nonzero(shifts)), int(np.count_nonzero(turns))
+        return along + about, along, float(np.sum(shifts)), float(np.sum(turns))
 
     def parts(self, first: Marker, second: Marker, start: Array) -> Iterator[tuple[str, GapTie]]:
         """Yield what acts along and about each axis, by its name."""
