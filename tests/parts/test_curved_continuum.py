@@ -97,15 +97,35 @@ def test_only_rigid_motions_of_the_undeformed_beam_store_nothing(mesh, rng):
     check_undeformed(energy_of(mesh), mesh.undeformed, mesh.positions, turns, rng)
 
 
-def test_the_mass_is_that_of_the_undeformed_volume(mesh):
+def test_the_mass_is_that_of_the_section_spread_as_the_undeformed_volume_is(mesh):
     M, length = 0.0, mesh.element.length
     for e in range(mesh.count):
         for xi, y, z, weight in box(gauss(16, 0, 1), 4):
             N = mesh.shape((e + xi) * length, y, (0, 0, 0), z)
-            share = np.linalg.det(gradients(mesh, mesh.undeformed, e, xi, y, z))
+            F, middle = (gradients(mesh, mesh.undeformed, e, xi, *at) for at in ((y, z), (0.0, 0.0)))
+            share = 1.0 + np.linalg.det(F) - np.linalg.det(middle)  # linear in y and z
             M = M + DENSITY * weight * length * share * np.outer(N, N)
     assert np.abs(mesh.mass - M).max() < 1e-13 * np.abs(M).max()
     assert mesh.vector_masses == pytest.approx(M @ mesh.positions, abs=1e-13)
+
+
+def test_a_beam_weighs_what_its_sections_do_on_any_mesh(mesh):
+    whole = OWN.mass_per_length * mesh.line.length
+    assert mesh.positions @ mesh.mass @ mesh.positions == pytest.approx(whole, rel=1e-14)
+    part = mesh.positions[: mesh.element.stride + 4]
+    half = sum(part @ M @ part for M in mesh.masses_from(0.5))
+    assert half == pytest.approx(0.5 * whole, rel=1e-14)
+
+
+def test_the_centre_of_mass_of_few_elements_is_that_of_the_arc():
+    """Outside that of its line, where more material is; errors fall with the square of the length."""
+    angle, moment = 1.2, OWN.height**2 / 12.0
+    line, chord = Axis(Arc(1.0), angle), np.array([np.sin(angle), 1.0 - np.cos(angle)])
+    of_line, inward = np.array([chord[1], angle - chord[0]]) / angle, np.array([-chord[1], chord[0]]) / angle
+    for count in (2, 4, 8):
+        mesh = AxisMesh(Continuum.of(angle / count, 3, 1, 3), count, OWN, line)
+        centre = mesh.mass @ mesh.positions @ mesh.undeformed / (OWN.mass_per_length * angle)
+        assert centre == pytest.approx([*(of_line - moment * inward), 0.0], abs=3.2e-3 / count**2)
 
 
 # ---------------------------------------------------------------- energy

@@ -1,7 +1,7 @@
 """Fully parameterised elements in space that are curved or twisted undeformed.
 
 With F0 = (r_x, r_y, r_z) undeformed the deformation gradient is F F0^-1, strain 1/2 (F^T F - F0^T F0) in the
-axes of the material, and the volume det F0 dx dy dz.  The material is alike in all directions, so that the
+axes of the material, and its volume det F0 dx dy dz.  The material is alike in all directions, so that the
 axes of the body frame serve.
 """
 
@@ -66,7 +66,9 @@ def in_material(rows: Array, undeformed: Array) -> tuple[Array, Array]:
 def curved_masses(element: Continuum, properties: BeamAlong, undeformed: Array, start: float = 0.0) -> Array:
     """Return the mass matrices of one vector component of these elements, (n_elements, n, n) [kg].
 
-    Of their parts beyond ``start``, a share of the length.
+    Of their parts beyond ``start``, a share of the length.  The mass per length is that of the section:
+    between nodes interpolated section vectors enclose less than it does, and det F0 tells no more than how
+    mass is spread over it.
     """
     alike, count = isinstance(properties, BeamProperties), len(undeformed)
     points = (3 * element.degree + 2 * element.section_degree) // 2 + (1 if alike else 2)
@@ -85,6 +87,8 @@ def curved_masses(element: Continuum, properties: BeamAlong, undeformed: Array, 
     N = rows(0, one, y, z)
     gradients = rows(1, one, y, z), rows(0, nothing, one, nothing), rows(0, nothing, nothing, one)
     ratios, _ = in_material(np.stack(gradients, axis=1), undeformed)
+    volumes = ratios.reshape(len(ratios), len(x), -1)
+    shares = (1.0 + volumes - (volumes @ across)[..., None]).reshape(ratios.shape)
     density = np.multiply.outer(wx * own.mass_per_length, across).reshape(-1, N.shape[1])
-    each = element.length * density * ratios
+    each = element.length * density * shares
     return np.asarray((N * each[..., None]).swapaxes(1, 2) @ N)
