@@ -99,20 +99,20 @@ class Entries(NamedTuple):
 NOTHING = Entries(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
 
 
-def smallest_step(J: Array, gap: Array) -> Array:
+def smallest_step(J: Matrix, gap: Array) -> Array:
     """Return the smallest x with J x nearest to a gap; J (m, n), in large cases by sparse factors.
 
     These are of J J^T, raised by round-off so that rows may depend on one another.
     """
     if min(J.shape) <= DENSE_UP_TO:
-        return np.asarray(np.linalg.lstsq(J, gap, rcond=1e-10)[0])
+        return np.asarray(np.linalg.lstsq(dense(J), gap, rcond=1e-10)[0])
     from scipy.sparse import csc_array, eye_array
     from scipy.sparse.linalg import splu
 
     rows = csc_array(J)
     square = rows @ rows.T
     raised = _ROUNDING * max(float(np.abs(square.diagonal()).max(initial=0.0)), 1e-300)
-    return np.asarray(rows.T @ splu((square + raised * eye_array(len(J))).tocsc()).solve(gap))
+    return np.asarray(rows.T @ splu((square + raised * eye_array(J.shape[0])).tocsc()).solve(gap))
 
 
 _ROUNDING = 1e-13
@@ -135,6 +135,15 @@ def assemble(parts: Iterable[Entries], shape: tuple[int, int], sparse: bool | No
     from scipy.sparse import coo_array
 
     return coo_array((values, (rows, columns)), shape=shape).tocsr()
+
+
+def rescaled(matrix: Matrix, columns: Array, rows: Array) -> Matrix:
+    """Return a matrix with columns multiplied by factors (n,), rows divided by (m,); (..., m, n) if dense."""
+    if not is_sparse(matrix):
+        return matrix * columns / rows[:, None]
+    from scipy.sparse import diags_array
+
+    return diags_array(1.0 / rows) @ matrix @ diags_array(columns)
 
 
 def dense(matrix: Matrix) -> Array:

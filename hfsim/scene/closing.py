@@ -15,7 +15,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, IntArray, magnitude
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import smallest_step
+from hfsim.maths.matrices import Entries, Matrix, assemble, dense, is_sparse, rescaled, smallest_step
 from hfsim.maths.rotations import freedoms, rotation, rotation_rates, rotation_vector, wrap
 from hfsim.mechanics.body import Body, Place
 from hfsim.mechanics.constraints import Constraint
@@ -29,6 +29,8 @@ CLOSED = 1e-9
 """Gap of a joint, relative to the size of the linkage or in radians, that counts as none."""
 BESIDE = 1e-6
 """Part of the largest gap up to which another one beside it counts as none."""
+MOST_ROWS = 500
+"""Equations of joints up to which all that they miss at the start is found by dense algebra."""
 SWEEPS = 80
 """Steps of the damped iteration."""
 STARTS = 48
@@ -107,6 +109,16 @@ class Linkage:
         """Return the number of the body that a marker is on; None for the ground."""
         return None if marker.grounded else marker.columns.start // freedoms(self.n_dim)
 
+    @cached_property
+    def ends_on(self) -> dict[int, list[tuple[Constraint, Marker]]]:
+        """The constraints on each body that is in any, with their points on it."""
+        found: dict[int, list[tuple[Constraint, Marker]]] = {}
+        for c in self.constraints:
+            for marker in c.ends:
+                if (body := self.owner(marker)) is not None:
+                    found.setdefault(body, []).append((c, marker))
+        return found
+
     def columns_of(self, body: int) -> IntArray:
         """Return the coordinates of the frame of a body."""
         return np.arange(body * freedoms(self.n_dim), (body + 1) * freedoms(self.n_dim))
@@ -114,7 +126,7 @@ class Linkage:
     @cached_property
     def equations(self) -> JointRows:
         """What the joints hold: the gaps, one below the other, not in units."""
-        return JointRows(self.constraints, self.n, sparse=False)
+        return JointRows(self.constraints, self.n, sparse=sum(c.rows for c in self.constraints) > MOST_ROWS)
 
     @cached_property
     def turns(self) -> BoolArray:
@@ -156,16 +168,28 @@ class Linkage:
     def slopes(self, x: Array, free: BoolArray | IntArray) -> Array:
         """Return the derivative of the gaps by some coordinates, in units, (n_batch or 1, n_rows, n_free)."""
         J = self.equations.jacobians(x)[:, :, free]
-        return np.asarray(J * self.units[free] / self.scales[:, None])
+        return np.asarray(rescaled(J, self.units[free], self.scales))
 
-    def slopes_by_rates(self, x: Array) -> Array:
+    def slopes_at(self, x: Array, free: BoolArray | IntArray) -> Matrix:
+        """Return the same at places (n,), (n_rows, n_free); sparse in large scenes."""
+        return rescaled(self.equations.jacobian_at(x[None])[:, free], self.units[free], self.scales)
+
+    def slopes_by_rates(self, x: Array) -> Matrix:
         """Return the derivative of the gaps' rates by velocities and spins at places (n,), (n_rows, n)."""
-        J = self.equations.jacobians(x[None])[0]
-        if self.centres is not None:
-            for k, turn in enumerate(x.reshape(-1, 6)[:, 3:]):
-                spins = slice(6 * k + 3, 6 * k + 6)
-                J[:, spins] = J[:, spins] @ np.linalg.inv(rotation_rates(turn))
-        return np.asarray(J)
+        J = self.equations.jacobian_at(x[None])
+        if self.centres is None:
+            return J
+        turns = x.reshape(-1, 6)[:, 3:]
+        if is_sparse(J):
+            return J @ _by_spins(turns)
+        for k, turn in enumerate(turns):
+            spins = slice(6 * k + 3, 6 * k + 6)
+            J[:, spins] = J[:, spins] @ np.linalg.inv(rotation_rates(turn))
+        return J
+
+    def in_units(self, slopes: Matrix) -> Matrix:
+        """Return derivatives (n_rows, n) of gaps by all coordinates, or of their rates by rates, in units."""
+        return rescaled(slopes, self.units, self.scales)
 
     def poses(self, x: Array) -> list[Pose]:
         """Return the poses of all frames at places (n,)."""
@@ -207,7 +231,7 @@ class Linkage:
         """Close joints by Newton's steps of least size, in place (n,); return the largest gap left."""
         left = magnitude(self.gaps(x[None]))
         while left >= 1e-14 * max(1.0, magnitude(x / self.units)) and free.any():
-            trial, J = x.copy(), self.slopes(x[None], free)[0]
+            trial, J = x.copy(), self.slopes_at(x, free)
             trial[free] -= self.units[free] * smallest_step(J, self.gaps(x[None])[0])
             reached = magnitude(self.gaps(trial[None]))
             if not reached < 0.5 * left:
@@ -303,11 +327,19 @@ class Linkage:
 
     def moves(self, x: Array, free: BoolArray) -> bool:
         """Return whether the joints leave the free coordinates a motion at places (n,)."""
-        return bool(np.linalg.matrix_rank(self.slopes(x[None], free)[0], 1e-9) < free.sum())
+        return bool(np.linalg.matrix_rank(dense(self.slopes_at(x, free)), 1e-9) < free.sum())
 
     def nearest(self, x: Array, weights: Array | float = 1.0) -> Array:
         """Return of places (n_batch, n) those, (n,), with the smallest sum of weighted squares of gaps."""
         return np.asarray(x[int(np.argmin(np.sum((weights * self.gaps(x)) ** 2, axis=1)))])
+
+
+def _by_spins(turns: Array) -> Matrix:
+    """Return the sparse matrix (n, n) from velocities and spins to rates of frames, turns (n_bodies, 3)."""
+    blocks = np.tile(np.eye(6), (len(turns), 1, 1))
+    blocks[:, 3:, 3:] = np.linalg.inv(rotation_rates(turns))
+    places = np.arange(6 * len(turns)).reshape(-1, 6)
+    return assemble([Entries.of_block(places, places, blocks)], (places.size, places.size), sparse=True)
 
 
 def _evenly(count: int, n: int) -> Array:

@@ -9,8 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import Matrix, is_sparse
 from hfsim.maths.rank import null_space
 from hfsim.maths.rotations import cross, normal
+from hfsim.parts.specs import JointSpec, SpringSpec
 from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Linkage
 from hfsim.scene.rules import owners
@@ -71,14 +73,19 @@ def free_motions(
     lines : collection of str
         Bodies in space that are lines without sections: that they roll is no motion.
     """
-    groups = _mechanisms(assembly.linkage, len(assembly.poses))
+    names = tuple(assembly.poses)
+    groups = _mechanisms(assembly.linkage, len(names))
     if max(map(len, groups)) > MOST_BODIES:
         return None
     link = assembly.linkage
     mass = energy(np.where(link.turns, 0.0, link.units)) / link.n_dim
-    slopes = link.slopes_by_rates(assembly.place) * link.units / link.scales[:, None]
-    rows = np.concatenate([slopes, assembly.rolls(lines)])
-    return [motion for group in groups for motion in _motions_of(group, assembly, energy, mass, rows)]
+    slopes = link.in_units(link.slopes_by_rates(assembly.place))
+    slopes = slopes.tocsc() if is_sparse(slopes) else slopes
+    every, found = (assembly, energy, mass, slopes), list[FreeMotion]()
+    for group in groups:
+        own = {names[k] for k in group}
+        found += _motions_of(group, *every, [line for line in lines if line in own])
+    return found
 
 
 def _mechanisms(link: Linkage, count: int) -> list[list[int]]:
@@ -108,30 +115,42 @@ def _motions_of(
     assembly: Assembly,
     energy: Callable[[Array], float],
     whole_mass: float,
-    rows: Array,
+    slopes: Matrix,
+    lines: Sequence[str],
 ) -> Iterator[FreeMotion]:
     link, names = assembly.linkage, tuple(assembly.poses)
-    columns = {body: link.columns_of(body) for body in group}
-    joined = np.concatenate([columns[body] for body in group])
-    touched = rows[:, joined]
-    allowed = null_space(touched[touched.any(axis=1)])
-    motions = np.zeros((link.n, allowed.shape[1]))
-    motions[joined] = allowed
-    found = []
+    joined = np.concatenate([link.columns_of(body) for body in group])
+    touched = np.concatenate([_touching(slopes[:, joined]), assembly.rolls(lines)[:, joined]])
+    order = np.argsort(joined)
+    motions, units, found = null_space(touched[touched.any(axis=1)])[order], link.units[joined[order]], []
+    rows = {body: np.searchsorted(joined[order], link.columns_of(body)) for body in group}
+
+    def energy_of(motion: Array) -> float:
+        rates = np.zeros(link.n)
+        rates[joined[order]] = units * motion
+        return energy(rates)
+
     for body in group:
-        own, sizes, mixed = np.linalg.svd(motions[columns[body]], full_matrices=True)
+        own, sizes, mixed = np.linalg.svd(motions[rows[body]], full_matrices=True)
         rank = int(np.sum(sizes > NONE))
         found.append((body, own[:, :rank], motions @ mixed[:rank].T))
         motions = motions @ mixed[rank:].T
     held = {body for body, own, _ in found if not own.shape[1]}
     for body, own, whole in found:
         if own.shape[1]:
-            along = [n for n in group if n in held and np.abs(whole[columns[n]]).max() > NONE]
+            along = [n for n in group if n in held and np.abs(whole[rows[n]]).max() > NONE]
             held -= set(along)
-            kind, about = _described(own * link.units[columns[body]][:, None], body, assembly)
-            least = min(energy(link.units * one) / np.abs(one).max() ** 2 for one in whole.T)
+            kind, about = _described(own * units[rows[body]][:, None], body, assembly)
+            least = min(energy_of(one) / np.abs(one).max() ** 2 for one in whole.T)
             follow = tuple(names[n] for n in along)
             yield FreeMotion(names[body], own.shape[1], kind, about, follow, least / whole_mass)
+
+
+def _touching(slopes: Matrix) -> Array:
+    """Return slopes as dense ones, of sparse ones (by columns) only the rows that are not zero."""
+    if not is_sparse(slopes):
+        return np.asarray(slopes)
+    return np.asarray(slopes[np.unique(slopes.indices)].toarray())
 
 
 def _described(own: Array, body: int, assembly: Assembly) -> tuple[str, str]:
@@ -170,15 +189,14 @@ def _turned_about(own: Array, axes: Array, body: int, assembly: Assembly) -> str
     """Return the joint whose place motions (6, k) of a body leave, or move along their one axis, or ''."""
     link, x = assembly.linkage, assembly.place
     origin = x[link.columns_of(body)][:3]
-    for c in link.constraints:
-        for marker in c.ends:
-            if link.owner(marker) == body and c.item.startswith("joints."):
-                arm = marker.position(x[None])[0] - origin
-                moved = own[:3] + cross(own[3:].T, arm).T
-                if axes.shape[1] == 1:
-                    moved = moved - axes @ (axes.T @ moved)
-                if np.abs(moved).max() < CLOSE * link.size:
-                    return c.item.removeprefix("joints.")
+    for c, marker in link.ends_on.get(body, ()):
+        if c.item.startswith("joints."):
+            arm = marker.position(x[None])[0] - origin
+            moved = own[:3] + cross(own[3:].T, arm).T
+            if axes.shape[1] == 1:
+                moved = moved - axes @ (axes.T @ moved)
+            if np.abs(moved).max() < CLOSE * link.size:
+                return c.item.removeprefix("joints.")
     return ""
 
 
@@ -197,11 +215,9 @@ def _pole(twist: Array, body: int, assembly: Assembly) -> str:
     link, x = assembly.linkage, assembly.place
     n_dim = link.n_dim
     pole = x[link.columns_of(body)][:n_dim] + normal(twist[:n_dim]) / twist[n_dim]
-    for c in link.constraints:
-        for marker in c.ends:
-            here = c.holds_place and link.owner(marker) == body
-            if here and np.abs(marker.position(x[None])[0] - pole).max() < CLOSE * link.size:
-                return c.item.removeprefix("joints.")
+    for c, marker in link.ends_on.get(body, ()):
+        if c.holds_place and np.abs(marker.position(x[None])[0] - pole).max() < CLOSE * link.size:
+            return c.item.removeprefix("joints.")
     return _place(np.where(np.abs(pole) < CLOSE * link.size, 0.0, pole))
 
 
@@ -210,13 +226,14 @@ def _pole(twist: Array, body: int, assembly: Assembly) -> str:
 
 def slips(deck: Deck, assembly: Assembly, motions: Sequence[FreeMotion]) -> Iterator[tuple[str, str]]:
     """Yield, with the deck path it is about, what the joints leave free though it hardly can be meant."""
-    groups = _groups(assembly)
+    groups, joined, ties = _groups(assembly), _joined(assembly), _ties_of(deck)
     afloat = {motion.body: groups[motion.body] for motion in motions if motion.kind == "floats"}
     others_stand = len(set().union(*afloat.values())) < len(deck.bodies)
     for motion in motions:
         if motion.body in afloat:
-            members = _floating_with(assembly, motion, afloat[motion.body])
-            yield from _floating(deck, motion.body, members, others_stand)
+            members = _floating_with(joined, motion, afloat[motion.body])
+            own = {tie.number: tie for one in members for tie in ties.get(one, ())}
+            yield from _floating(deck, motion.body, members, [own[k] for k in sorted(own)], others_stand)
         if motion.inertia < NO_MASS:
             message = f"hardly any mass resists this free motion: {motion}"
             yield f"bodies.{motion.body}", message
@@ -229,23 +246,56 @@ def _groups(assembly: Assembly) -> dict[str, set[str]]:
     """Return for each body the bodies that joints connect it with, itself among them."""
     names = tuple(assembly.poses)
     groups = _mechanisms(assembly.linkage, len(names))
-    return {names[k]: {names[n] for n in group} for group in groups for k in group}
+    return {name: own for group in groups for own in [{names[k] for k in group}] for name in own}
 
 
-def _floating(deck: Deck, body: str, members: set[str], others_stand: bool) -> Iterator[tuple[str, str]]:
+def _joined(assembly: Assembly) -> dict[str, list[set[str]]]:
+    """Return for each body what its constraints connect, the ground among it."""
+    link, names = assembly.linkage, (*assembly.poses, "ground")
+    pairs: dict[str, list[set[str]]] = {name: [] for name in names}
+    for c in link.constraints:
+        pair = {names[-1 if n is None else n] for n in map(link.owner, c.ends)}
+        for name in pair:
+            pairs[name].append(pair)
+    return pairs
+
+
+class _Tie(NamedTuple):
+    """A joint or a spring, by its number among all of them, with its ends."""
+
+    number: int
+    name: str
+    spec: JointSpec | SpringSpec
+    ends: frozenset[str]
+
+
+def _ties_of(deck: Deck) -> dict[str, list[_Tie]]:
+    """Return the joints and springs on each body, and on the ground."""
+    found: dict[str, list[_Tie]] = {}
+    for number, (name, spec) in enumerate((*deck.joints.items(), *deck.springs.items())):
+        tie = _Tie(number, name, spec, frozenset(owners(spec)))
+        for body in tie.ends:
+            found.setdefault(body, []).append(tie)
+    return found
+
+
+def _floating(
+    deck: Deck, body: str, members: set[str], ties: Sequence[_Tie], others_stand: bool
+) -> Iterator[tuple[str, str]]:
     """Yield why a body that floats, the nearest to the ground of its mechanism, looks as if it should not.
 
     Parameters
     ----------
     members : set of str
         Bodies that float with it.
+    ties : sequence of _Tie
+        What is on these.
     """
-    entries = (*deck.joints.items(), *deck.springs.items())
-    ties = [(name, tie) for name, tie in entries if owners(tie) & members and owners(tie) - members]
-    if any(tie.carries and tie.steadies for _, tie in ties) or any(_placed(deck, one) for one in members):
+    outer = [(tie.name, tie.spec) for tie in ties if tie.ends - members]
+    if any(tie.carries and tie.steadies for _, tie in outer) or any(_placed(deck, one) for one in members):
         return
     stated = "state a position or velocity under 'initial' if that is meant"
-    *others, last = [f"'{name}'" for name, tie in ties if not tie.carries] or [""]
+    *others, last = [f"'{name}'" for name, tie in outer if not tie.carries] or [""]
     turning = f"{', '.join(others)} and {last} turn" if others else f"{last} turns"
     if last:
         yield f"bodies.{body}", f"floats, though {turning} it: no joint holds it in place; {stated}"
@@ -254,10 +304,11 @@ def _floating(deck: Deck, body: str, members: set[str], others_stand: bool) -> I
         yield f"bodies.{body}", f"nothing connects {names} to the ground; {stated}"
 
 
-def _floating_with(assembly: Assembly, motion: FreeMotion, group: set[str]) -> set[str]:
+def _floating_with(
+    joined: Mapping[str, Sequence[set[str]]], motion: FreeMotion, group: set[str]
+) -> set[str]:
     """Return the bodies that joints connect with the ground by way of one that floats, if at all."""
-    link, names = assembly.linkage, (*assembly.poses, "ground")
-    ends = [{names[-1 if n is None else n] for n in map(link.owner, c.ends)} for c in link.constraints]
+    ends = [pair for name in group for pair in joined[name]]
     held, floating = {"ground"}, {motion.body, *motion.takes_along}
     while more := {one for pair in ends if pair & held and not pair & floating for one in pair} - held:
         held |= more

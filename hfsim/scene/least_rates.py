@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, magnitude
-from hfsim.maths.matrices import smallest_step
+from hfsim.maths.matrices import Matrix, rescaled, smallest_step
 from hfsim.mechanics.constraints import Constraint
-from hfsim.scene.closing import CLOSED, Linkage
+from hfsim.scene.closing import CLOSED, MOST_ROWS, Linkage
 from hfsim.scene.stated import Stated
 
-MOST_ROWS = 500
-"""Joint equations up to which spins are told from velocities that follow from them by dense algebra."""
 LIGHT, PASSES = 1e-4, 3
 """Unit of spins in larger scenes, beside the size for velocities, and steps that such units take: spins are
 the smallest but for 1e-8 of them."""
@@ -25,31 +23,31 @@ def opened(link: Linkage, J: Array, free: BoolArray, gap: Array, joint: Constrai
     return float(np.linalg.norm((gap - J @ least_turning(link, J[others], free, gap[others]))[own]))
 
 
-def follow_rates(link: Linkage, J: Array, rates: Stated, none: float) -> Array:
+def follow_rates(link: Linkage, J: Matrix, rates: Stated, none: float) -> Array:
     """Change what is not stated, velocities first, until gaps are none; return those that are left."""
     values = rates.values
     gap = J @ values + link.drift
-    again = PASSES if len(J) > MOST_ROWS else 1  # sparse factors leave more than rounding
+    again = PASSES if J.shape[0] > MOST_ROWS else 1  # sparse factors leave more than rounding
     for free in (~rates.stated & ~link.turns, *[~rates.stated] * again):
         values -= least_turning(link, J, free, gap)
         gap = J @ values + link.drift
         if magnitude(gap / link.scales) < none:
             break
-    return gap
+    return np.asarray(gap)
 
 
-def least_turning(link: Linkage, J: Array, free: BoolArray, gap: Array) -> Array:
+def least_turning(link: Linkage, J: Matrix, free: BoolArray, gap: Array) -> Array:
     """Return rates (n,), zero where not free, that close gaps: with the smallest spins, then velocities.
 
     One after the other: what both at once make smallest depends on the unit of length.
     """
     step, shifts, spins = np.zeros(len(free)), free & ~link.turns, free & link.turns
-    if spins.any() and len(J) <= MOST_ROWS:
+    if spins.any() and J.shape[0] <= MOST_ROWS:
         left = left_over(J[:, shifts])
         step[spins] = smallest_step(left @ J[:, spins], left @ gap)
     elif spins.any():
         units = np.where(link.turns, LIGHT, link.size)[free]
-        rows, missed = J[:, free] * units / link.scales[:, None], gap / link.scales
+        rows, missed = rescaled(J[:, free], units, link.scales), gap / link.scales
         for _ in range(PASSES):
             step[free] += units * smallest_step(rows, missed - rows @ (step[free] / units))
     step[shifts] += smallest_step(J[:, shifts], gap - J @ step)

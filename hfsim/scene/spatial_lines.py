@@ -8,6 +8,7 @@ import numpy as np
 
 from hfsim.deck.fields import split_point
 from hfsim.deck.spec import Complaint
+from hfsim.maths.matrices import dense
 from hfsim.maths.rank import null_space
 from hfsim.maths.rotations import FIRST, smallest_rotation
 from hfsim.parts.specs import JointSpec, LoadSpec
@@ -109,9 +110,9 @@ def untwisted(assembly: Assembly, held: Linkage, lines: Collection[str]) -> Iter
     if len(names) > MOST_BODIES:
         return
     rolls = assembly.rolls(lines)
-    slopes = held.slopes_by_rates(assembly.place) * held.units / held.scales[:, None]
+    slopes = dense(held.in_units(held.slopes_by_rates(assembly.place)))
     motions = null_space(np.concatenate([slopes, rolls]))
-    every = whole.slopes_by_rates(assembly.place) * whole.units / whole.scales[:, None]
+    every = dense(whole.in_units(whole.slopes_by_rates(assembly.place)))
     rows = [
         (c.item, k, [whole.owner(end) for end in c.ends])
         for c, own in zip(whole.constraints, whole.equations.rows, strict=True)

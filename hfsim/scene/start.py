@@ -15,16 +15,16 @@ import numpy as np
 
 from hfsim.errors import DeckError
 from hfsim.maths.arrays import Array, BoolArray, IntArray, magnitude
-from hfsim.maths.matrices import smallest_step
+from hfsim.maths.matrices import Matrix, dense, smallest_step
 from hfsim.maths.rank import null_space
 from hfsim.maths.rotations import freedoms, rotation, rotation_vector, wrap
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Twist
 from hfsim.scene.assembly import Assembly, Branches, Change, Placed, Turn
-from hfsim.scene.closing import CLOSED, Linkage
+from hfsim.scene.closing import CLOSED, MOST_ROWS, Linkage
 from hfsim.scene.contradicted import cannot_close, contradicted, misfaced
 from hfsim.scene.handed_on import hand_on, hand_on_faces, hand_on_known_faces
-from hfsim.scene.least_rates import MOST_ROWS, follow_rates, least_turning, left_over, opened
+from hfsim.scene.least_rates import follow_rates, least_turning, left_over, opened
 from hfsim.scene.stated import AT_START, Start, Stated
 
 TURN = 2.0 * np.pi
@@ -98,9 +98,9 @@ def assembled(joined: Start, moving: Start, at: Placed) -> Assembly:
 def _loose(start: Start, place: Stated) -> Array:
     """Return the motions (k, n) that joints and what is stated leave free."""
     link, free = start.linkage, ~place.stated
-    rows = link.slopes_by_rates(place.values) * link.units / link.scales[:, None]
+    rows = link.in_units(link.slopes_by_rates(place.values))
     motions = np.zeros((len(free), len(free)))
-    allowed = null_space(rows[:, free])
+    allowed = null_space(dense(rows[:, free]))
     motions[: allowed.shape[1], free] = allowed.T
     return motions[: allowed.shape[1]] * link.units
 
@@ -295,7 +295,7 @@ def _nearest(link: Linkage, place: Stated, x: Array) -> Array:
     guesses, others, units = place.stated & ~place.exact, ~place.stated, link.units
     begin, one = place.values, x.copy()
     for _ in range(APPROACH if len(link.scales) <= MOST_ROWS else 0):
-        J, gap = link.slopes(one[None], np.ones(len(x), dtype=bool))[0], link.gaps(one[None])[0]
+        J, gap = link.slopes_at(one, np.ones(len(x), dtype=bool)), link.gaps(one[None])[0]
         back = ((begin - one) / units)[guesses]
         left = left_over(J[:, others])
         step = np.zeros(len(x))
@@ -318,7 +318,7 @@ def _near(link: Linkage, x: Array, begin: Array) -> Array:
     return np.where(link.turning, begin + wrap(x - begin), x)
 
 
-def _settle_rates(start: Start, J: Array, rates: Stated) -> None:
+def _settle_rates(start: Start, J: Matrix, rates: Stated) -> None:
     """Change what is not stated until the joints hold, then guesses, as `_settle`."""
     link, values = start.linkage, rates.values
     none = CLOSED * max(1.0, magnitude(values / link.units))
@@ -326,7 +326,7 @@ def _settle_rates(start: Start, J: Array, rates: Stated) -> None:
     missed, allowed = before / link.scales, tuple[Change, ...]()
     if magnitude(missed) >= none:
         guesses, others = rates.stated & ~rates.exact, ~rates.stated
-        if len(J) <= MOST_ROWS:
+        if J.shape[0] <= MOST_ROWS:
             left = left_over(J[:, others])
             values -= least_turning(link, left @ J, guesses, left @ before)
             values[others] = 0.0
@@ -336,7 +336,7 @@ def _settle_rates(start: Start, J: Array, rates: Stated) -> None:
         allowed = _changes(start, rates, values)
     if magnitude(missed) >= none or any(change.rough > 1.0 for change in allowed):
         joint, size = link.largest_of(before / link.scales)
-        if len(J) <= MOST_ROWS:
+        if J.shape[0] <= MOST_ROWS:
             size = opened(link, J, ~rates.stated, before, joint)
         raise contradicted(start, rates, joint, size, allowed, before / link.scales)
 
