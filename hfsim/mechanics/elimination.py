@@ -87,12 +87,13 @@ def eliminate(
     for k, column, missed in _held_angles(guided.values(), constraints, x):
         if not work.dropped[column]:
             work.hold(k, column, float(x[column]) - missed)
+    held = _slopes_by_bodies(linear.values())
     for k, child, parent in _tree(linear, owners, guided):
         body = bodies[str(_owner(child, owners))]
         if _at_coordinates(parent):
             work.attach(k, body, child, parent)
         else:
-            work.mount(body, child, parent, tuple(linear.values()))
+            work.mount(body, child, parent, _fixed_slope(child, parent, held))
     for k, constraint in linear.items():
         clamp = _clamp(constraint)
         if clamp is not None and not work.dropped[clamp[0]].any():
@@ -148,8 +149,8 @@ class _Elimination:
         self.dropped[column], self.natural[column] = True, False
         self.eliminated.add(k)
 
-    def mount(self, body: Body, child: Marker, parent: Marker, constraints: tuple[Constraint, ...]) -> None:
-        """Let natural increments of a beam be relative to the rigid body that carries it."""
+    def mount(self, body: Body, child: Marker, parent: Marker, slope: int | None) -> None:
+        """Let natural increments of a beam be relative to the rigid body that carries it, and a slope too."""
         assert child.place_columns is not None and parent.offset is not None
         self.ties.append(
             Mount(
@@ -158,7 +159,7 @@ class _Elimination:
                 parent=None,
                 rigid=parent.support,
                 arm=complex(*parent.offset),
-                slope=_fixed_slope(child, parent, constraints),
+                slope=slope,
             )
         )
 
@@ -232,14 +233,18 @@ def _held_angles(
             yield k, column, missed if number else -missed
 
 
-def _fixed_slope(child: Marker, parent: Marker, constraints: tuple[Constraint, ...]) -> int | None:
+def _slopes_by_bodies(constraints: Iterable[Constraint]) -> set[tuple[tuple[int, ...], int]]:
+    """Return the columns of slope vectors that joints fix to bodies, each with where these columns start."""
+    held = _held_slopes(constraints)
+    return {(tuple(map(int, slope)), other.columns.start) for slope, other, _ in held if not other.grounded}
+
+
+def _fixed_slope(child: Marker, parent: Marker, held: Collection[tuple[tuple[int, ...], int]]) -> int | None:
     """Return the column that holds the angle of a beam's slope if a joint fixes it to a rigid body."""
     if child.slope_columns is None:
         return None
-    for slope, rigid, _ in _held_slopes(constraints):
-        if np.array_equal(slope, child.slope_columns) and rigid.columns == parent.columns:
-            return int(slope[1])
-    return None
+    slope = tuple(map(int, child.slope_columns))
+    return slope[1] if (slope, parent.columns.start) in held else None
 
 
 def _held_slopes(constraints: Iterable[Constraint]) -> Iterator[tuple[IntArray, Marker, float]]:

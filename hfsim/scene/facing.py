@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from copy import copy
 from functools import cached_property
+from heapq import heapify, heappop, heappush
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,6 +17,7 @@ from hfsim.maths.rotations import rotation, smallest_rotation
 from hfsim.mechanics.pose import Pose
 from hfsim.parts.specs import JointSpec
 from hfsim.scene.posed import started
+from hfsim.scene.rules import parts_of
 from hfsim.scene.schema import Deck
 
 LEVEL = np.eye(3)
@@ -100,31 +102,66 @@ class Facings:
 
         Of these those that are not known stand level.
         """
+        waiting = [{k for name in known for k in self._numbers.get(name, ())} for _ in steps]
         for name in names:
-            known.setdefault(name, LEVEL)
-            while any(self._handed_on(known, step) for step in steps):
+            if name not in known:
+                known[name] = LEVEL
+                for one in waiting:
+                    one.update(self._numbers.get(name, ()))
+            while any(self._handed_on(known, *one, waiting) for one in zip(steps, waiting, strict=True)):
                 pass
         return known
 
     def _floating(self, known: Collection[str]) -> Iterator[str]:
         """Yield the first body of each group that joints hold together, if none of it is known."""
         holding = (joint for joint in self._joints.values() if joint.holds)
-        pairs = [_bodies(joint) for joint in holding]
-        reached = _connected(set(known), pairs)
+        part = parts_of(("ground", *self._deck.bodies), map(_bodies, holding))
+        reached = set().union(*(part[name] for name in known))
         for name in self._deck.bodies:
             if name not in reached:
-                reached |= _connected({name}, pairs)
+                reached |= part[name]
                 yield name
 
-    def _handed_on(self, known: dict[str, Array], step: Step) -> bool:
-        """Hand on orientations by one kind of joints, in one round of all; tell whether any was."""
-        before = len(known)
-        for joint in self._joints.values():
-            a, b = (split_point(end)[0] for end in joint.between)
-            if a in known and b not in known and (R := step(joint, known[a], False)) is not None:
-                known[b] = R
-            elif b in known and a not in known and (R := step(joint, known[b], True)) is not None:
-                known[a] = R
+    @cached_property
+    def _listed(self) -> list[tuple[JointSpec, str, str]]:
+        """The joints with their bodies A and B."""
+        pairs = ((joint, map(split_point, joint.between)) for joint in self._joints.values())
+        return [(joint, a, b) for joint, ((a, _), (b, _)) in pairs]
+
+    @cached_property
+    def _numbers(self) -> dict[str, list[int]]:
+        """For each body that joints are on, and the ground, their numbers."""
+        found: dict[str, list[int]] = {}
+        for k, (_, *ends) in enumerate(self._listed):
+            for name in ends:
+                found.setdefault(name, []).append(k)
+        return found
+
+    def _handed_on(
+        self, known: dict[str, Array], step: Step, own: set[int], waiting: Collection[set[int]]
+    ) -> bool:
+        """Hand on orientations by one kind of joints, in one round of all; tell whether any was.
+
+        Of all joints those are looked at that wait for it, as a body that they are on has become known.
+        """
+        before, left = len(known), list(own)
+        heapify(left)
+        own.clear()
+        while left:
+            k = heappop(left)
+            joint, a, b = self._listed[k]
+            if (a in known) == (b in known):
+                continue
+            here, there = (a, b) if a in known else (b, a)
+            R = step(joint, known[here], here == b)
+            if R is not None:
+                known[there] = R
+                for n in self._numbers[there]:
+                    for one in waiting:
+                        one.add(n)
+                    if n > k:
+                        own.discard(n)
+                        heappush(left, n)
         return len(known) > before
 
     @cached_property
@@ -203,17 +240,6 @@ def _leads(joint: JointSpec) -> bool:
 
 def _among(joint: JointSpec, joints: Iterable[JointSpec]) -> bool:
     return any(one is joint for one in joints)
-
-
-def _connected(names: set[str], pairs: list[frozenset[str]]) -> set[str]:
-    """Return all that pairs connect with some names."""
-    count = 0
-    while count < len(names):
-        count = len(names)
-        for pair in pairs:
-            if names & pair:
-                names |= pair
-    return names
 
 
 def by_holding(joint: JointSpec, known: Array, back: bool) -> Array | None:

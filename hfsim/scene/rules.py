@@ -333,8 +333,7 @@ def _parts(deck: Deck, models: Models) -> Items:
 
 def still_bodies(deck: Deck, models: Models) -> tuple[str, ...]:
     """Return the bodies that are folded into the ground."""
-    found = apply_rule("fixed_bodies", deck, models)
-    return tuple(item.removeprefix("bodies.") for item in found)
+    return tuple(item.removeprefix("bodies.") for item in apply_rule("fixed_bodies", deck, models))
 
 
 def connected(deck: Deck, still: Iterable[str], without: str = "") -> list[tuple[str, ...]]:
@@ -358,11 +357,12 @@ def closes_loops(deck: Deck) -> bool:
 def welded(deck: Deck, rigid: Collection[str]) -> list[tuple[str, ...]]:
     """Return the sets of some bodies that fixed joints hold together, also of one body."""
     ties = (owners(joint) for joint in deck.joints.values() if joint.welds)
-    return _groups(parts_of(rigid, (ends for ends in ties if ends <= {*rigid})))
+    return _groups(parts_of(rigid, filter({*rigid}.issuperset, ties)))
 
 
 def _groups(part: Mapping[str, set[str]]) -> list[tuple[str, ...]]:
-    return list(dict.fromkeys(tuple(n for n in part if n in part[name]) for name in part))
+    order, parts = {name: k for k, name in enumerate(part)}, {id(one): one for one in part.values()}
+    return [tuple(sorted(one, key=order.__getitem__)) for one in parts.values()]
 
 
 def parts_of(names: Iterable[str], ties: Iterable[Collection[str]]) -> dict[str, set[str]]:
@@ -375,8 +375,10 @@ def parts_of(names: Iterable[str], ties: Iterable[Collection[str]]) -> dict[str,
 
 def connect(part: dict[str, set[str]], ends: Collection[str]) -> None:
     """Take note that some names are connected, among those that each is connected with, in place."""
-    merged = set().union(*(part[end] for end in ends))
-    part.update(dict.fromkeys(merged, merged))
+    whole = max((part[end] for end in ends), key=len, default=set())
+    for one in {id(part[end]): part[end] for end in ends if part[end] is not whole}.values():
+        whole |= one
+        part.update(dict.fromkeys(one, whole))
 
 
 @_rule(
