@@ -6,7 +6,6 @@ Two axes of a section are coordinates, the third one is their vector product (se
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -58,7 +57,7 @@ class _Side:
         """Return them in states (n_batch, n), shape (n_batch, m, 3)."""
         return self.linear.at(x) + self.factor * cross(self.first.at(x), self.second.at(x))
 
-    def rates(self, x: Array, u: Array) -> Array:
+    def moving(self, x: Array, u: Array) -> Array:
         """Return their rates."""
         y, z, dy, dz = self.first.at(x), self.second.at(x), self.first.rates(u), self.second.rates(u)
         return self.linear.rates(u) + self.factor * (cross(dy, z) + cross(y, dz))
@@ -91,27 +90,11 @@ class _Side:
         return assemble([blocks], (vectors.size, vectors.size), sparse=True)
 
 
-class CrossedProducts(VectorProducts):
+class CrossedProducts(VectorProducts[_Side]):
     """Products of such vectors, in sparse matrices."""
 
-    @cached_property
-    def _sides(self) -> tuple[_Side, _Side]:
-        sides = zip(*((one.first, one.second) for one in self.equations), strict=True)
-        first, second = (_Side.of(side, self.n, self.sparse) for side in sides)
-        return first, second
-
-    def _vectors(self, x: Array) -> tuple[Array, Array]:
-        first, second = self._sides
-        return first.at(x), second.at(x)
-
-    def _rates(self, x: Array, u: Array) -> tuple[Array, Array]:
-        first, second = self._sides
-        return first.rates(x, u), second.rates(x, u)
-
-    def _pulls(self, x: Array) -> list[Pull]:
-        (a, b), (first, second) = self._vectors(x), self._sides
-        weight = self._weight[:, None]
-        return first.pulls(x, weight * b) + second.pulls(x, weight * a)
+    def _side(self, vectors: Sequence[CrossedVector]) -> _Side:
+        return _Side.of(vectors, self.n, self.sparse)
 
     def bias(self, x: Array, u: Array) -> Array:
         """Return its second derivative at zero accelerations, shape (n_batch, m)."""

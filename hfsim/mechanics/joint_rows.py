@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -134,7 +134,7 @@ class JointRows:
         return zip(self.constraints, self.rows, strict=True)
 
     @cached_property
-    def _products(self) -> tuple[VectorProducts, ...]:
+    def _products(self) -> tuple[VectorProducts[Any], ...]:
         """The equations that are products, where there are any and not all equations are linear.
 
         Those with axes across sections are too where there are many.
@@ -142,7 +142,7 @@ class JointRows:
         if self.constant:
             return ()
         linear = [(one, rows.start + k) for c, rows in self._pairs for k, one in enumerate(c.products)]
-        found = [Products(*self._listed(linear))] if linear else list[VectorProducts]()
+        found = [Products(*self._listed(linear))] if linear else list[VectorProducts[Any]]()
         pairs = self._pairs if self.sparse else ()
         crossed = [(one, rows.start + k) for c, rows in pairs for k, one in enumerate(c.crossed)]
         if len(crossed) < MANY:

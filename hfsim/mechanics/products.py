@@ -12,7 +12,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -95,6 +95,14 @@ class LinearMap:
         """Return their rates."""
         return product(self.matrix, u.T).T.reshape(len(u), *self.offset.shape)
 
+    def moving(self, x: Array, u: Array) -> Array:
+        """Return the same: the state does not matter."""
+        return self.rates(u)
+
+    def pulls(self, x: Array, other: Array) -> list[Pull]:
+        """Return what changes of the vectors do to the products with vectors (n_batch, m, n_dim)."""
+        return [(self, other)]
+
     def by(self, columns: IntArray) -> Array:
         """Return the matrices by some coordinates, (m, n_dim, k); those asked for last are kept."""
         if self.__dict__.get("_kept_for") is not columns:
@@ -115,8 +123,24 @@ class LinearMap:
         return *np.divmod(rows, self.offset.shape[1]), columns, values
 
 
+class Side(Protocol):
+    """One of the vectors of all equations, however it depends on the coordinates."""
+
+    def at(self, x: Array) -> Array:
+        """Return the vectors in states (n_batch, n), shape (n_batch, m, n_dim)."""
+
+    def moving(self, x: Array, u: Array) -> Array:
+        """Return their rates."""
+
+    def pulls(self, x: Array, other: Array) -> list[Pull]:
+        """Return what changes of linear vectors behind them do to the products with vectors like these."""
+
+
+_Kind = TypeVar("_Kind", bound=Side)
+
+
 @frozen
-class VectorProducts(ABC):
+class VectorProducts(ABC, Generic[_Kind]):
     """Equations of a scene that are products of vectors.
 
     Attributes
@@ -147,16 +171,29 @@ class VectorProducts(ABC):
         return np.array([one.constant for one in self.equations])
 
     @abstractmethod
+    def _side(self, vectors: Sequence[Any]) -> _Kind:
+        """Return one of the vectors of all equations."""
+
+    @cached_property
+    def _sides(self) -> tuple[_Kind, _Kind]:
+        """Both of them."""
+        first, second = zip(*((one.first, one.second) for one in self.equations), strict=True)
+        return self._side(first), self._side(second)
+
     def _vectors(self, x: Array) -> tuple[Array, Array]:
         """Return both vectors of all equations, (n_batch, m, n_dim)."""
+        first, second = self._sides
+        return first.at(x), second.at(x)
 
-    @abstractmethod
     def _rates(self, x: Array, u: Array) -> tuple[Array, Array]:
         """Return the rates of both."""
+        first, second = self._sides
+        return first.moving(x, u), second.moving(x, u)
 
-    @abstractmethod
     def _pulls(self, x: Array) -> list[Pull]:
         """Return what changes of the linear vectors behind them do to the equations."""
+        (a, b), (first, second), weight = self._vectors(x), self._sides, self._weight[:, None]
+        return first.pulls(x, b * weight) + second.pulls(x, a * weight)
 
     def gap(self, x: Array) -> Array:
         """Return what they miss, shape (n_batch, m)."""
@@ -193,27 +230,11 @@ class VectorProducts(ABC):
         """Return the derivative of Phi_x^T lambda by x in one state (1, n), for multipliers (m,)."""
 
 
-class Products(VectorProducts):
+class Products(VectorProducts[LinearMap]):
     """Products of vectors that are linear in the coordinates."""
 
-    @cached_property
-    def _maps(self) -> tuple[LinearMap, LinearMap]:
-        sides = zip(*((one.first, one.second) for one in self.equations), strict=True)
-        first, second = (LinearMap.of(side, self.n, self.sparse) for side in sides)
-        return first, second
-
-    def _vectors(self, x: Array) -> tuple[Array, Array]:
-        first, second = self._maps
-        return first.at(x), second.at(x)
-
-    def _rates(self, x: Array, u: Array) -> tuple[Array, Array]:
-        first, second = self._maps
-        return first.rates(u), second.rates(u)
-
-    def _pulls(self, x: Array) -> list[Pull]:
-        a, b = self._vectors(x)
-        first, second = self._maps
-        return [(first, b * self._weight[:, None]), (second, a * self._weight[:, None])]
+    def _side(self, vectors: Sequence[LinearVector]) -> LinearMap:
+        return LinearMap.of(vectors, self.n, self.sparse)
 
     def bias(self, x: Array, u: Array) -> Array:
         """Return its second derivative at zero accelerations, shape (n_batch, m)."""
