@@ -144,6 +144,24 @@ def test_what_a_study_has_found_before_an_interruption_is_kept():
     assert stop.value.found.interrupted and stop.value.found.runs
 
 
+@pytest.mark.parametrize("elements", [2, 30])
+def test_results_go_from_process_to_process(elements):
+    """Those of large scenes too, whose matrices are sparse: with all that was solved for channels."""
+    beam = {"type": "beam", "element": "cosserat", "material": "rubber", "section": "rod", "length": 1.0}
+    deck = DECK | {
+        "gravity": [0.0, 0.0, -9.81],
+        "sections": {"rod": {"shape": "circle", "diameter": 0.01}},
+        "bodies": {"b": beam | {"elements": elements}},
+        "joints": {"root": {"type": "fixed", "between": ["ground", "b.root"]}},
+        "solve": {"duration": 0.01, "tolerance": 1e-3},
+        "output": {"interval": 0.001, "channels": ["b.tip.z", "root.force_z", "b.root.bending_moment_y"]},
+    }
+    run = hfsim.run(deck, **QUICK)
+    again = pickle.loads(pickle.dumps(run))
+    for name in run.units:
+        assert np.array_equal(again[name], run[name])
+
+
 def test_results_go_to_a_folder_as_from_the_command_line(tmp_path):
 
 

@@ -8,6 +8,7 @@ both, so that most code need not know which it has.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -161,21 +162,32 @@ def factorised(matrix: Matrix) -> Callable[[Array], Array]:
     numpy.linalg.LinAlgError
         If the matrix is singular.
     """
-    if not is_sparse(matrix):
-        return lambda rhs: np.asarray(np.linalg.solve(matrix, rhs.T).T)
-    from scipy.sparse import csc_array
-    from scipy.sparse.linalg import splu
+    return _Factors(matrix) if is_sparse(matrix) else partial(_solved, matrix)
 
-    columns = csc_array(matrix)
-    try:
-        factor = splu(columns, permc_spec=ordering(columns))
-    except RuntimeError as error:
-        raise np.linalg.LinAlgError(str(error)) from None
 
-    def solve(rhs: Array) -> Array:
-        return np.asarray(factor.solve(np.ascontiguousarray(rhs.T.astype(matrix.dtype, copy=False))).T)
+def _solved(matrix: Array, rhs: Array) -> Array:
+    return np.asarray(np.linalg.solve(matrix, rhs.T).T)
 
-    return solve
+
+class _Factors:
+    """A sparse matrix by its factors, which go into other processes as the matrix that they are made of."""
+
+    def __init__(self, matrix: Matrix) -> None:
+        from scipy.sparse import csc_array
+        from scipy.sparse.linalg import splu
+
+        self._matrix, columns = matrix, csc_array(matrix)
+        try:
+            self._factors = splu(columns, permc_spec=ordering(columns))
+        except RuntimeError as error:
+            raise np.linalg.LinAlgError(str(error)) from None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _Factors, (self._matrix,)
+
+    def __call__(self, rhs: Array) -> Array:
+        given = np.ascontiguousarray(rhs.T.astype(self._matrix.dtype, copy=False))
+        return np.asarray(self._factors.solve(given).T)
 
 
 def ordering(matrix: Matrix) -> str:
