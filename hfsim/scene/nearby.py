@@ -10,8 +10,9 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import is_sparse
 from hfsim.mechanics.statics.equilibrium import STAYED
 from hfsim.mechanics.statics.newton import HOLD, Effort, stepped
+from hfsim.mechanics.statics.stability import neutral
 from hfsim.mechanics.turning import Turning
-from hfsim.scene.equilibrium import equilibrium_of, problem_of, standing, why_not
+from hfsim.scene.equilibrium import equilibrium_of, problem_of, rigid_motions, standing, why_not
 from hfsim.scene.gauging import Assembled, gauge_of
 
 
@@ -31,9 +32,14 @@ def nearby(scene: Assembled, t: float, x: Array, turning: Turning, moving: bool 
     system = standing(scene.system, moving)
     _, multipliers = system.equations.solve(time, place, u, system.force(time, place, u))
     start = problem.start._replace(multipliers=multipliers)
-    problem = replace(problem, start=start, turning=turning, hold=HOLD)
-    share, state = stepped(problem, Effort())
-    return np.asarray(problem.expand(state.z)[0]) if share == 1.0 else None
+    problem = replace(problem, start=start, turning=turning)
+    # what holds nothing bends corrections of fine meshes: these are soft beside their stiffest parts
+    loose = turning.rate or len(neutral(problem, start, 1.0, rigid_motions(scene, place)))
+    for hold in (HOLD,) if loose else (0.0, HOLD):
+        share, state = stepped(replace(problem, hold=hold), Effort())
+        if share == 1.0:
+            return np.asarray(problem.expand(state.z)[0])
+    return None
 
 
 def resting(scene: Assembled) -> Array:

@@ -6,6 +6,10 @@ from click.testing import CliRunner
 
 import hfsim
 from hfsim.cli import app
+from hfsim.mechanics.statics.newton import stepped
+from hfsim.scene import nearby
+from hfsim.scene.build import build
+from hfsim.scene.equilibrium import equilibrium_of, problem_of
 from hfsim.scene.loading import parse_deck
 
 PAIR = """hfsim: 1
@@ -87,3 +91,30 @@ def test_an_equilibrium_next_to_the_start_is_taken_though_not_stable_and_told(tm
     words = ["modes", str(deck), "--about", "equilibrium", "--no-plots", "-o", str(tmp_path / "out")]
     told = " ".join(CliRunner().invoke(app, words).output.split())
     assert "this equilibrium is not stable: hfsim static tells where the scene comes to rest" in told
+
+
+FINE = """
+hfsim: 1
+gravity: [0.0, -9.81]
+materials: {rubber: {density: 1150.0, youngs_modulus: 5.0e8, poisson_ratio: 0.3}}
+sections: {rod: {shape: circle, diameter: 0.004}}
+bodies: {bar: {type: beam, material: rubber, section: rod, length: 0.6, elements: 64, element: cosserat}}
+joints: {clamp: {type: fixed, between: [ground, bar.root]}}
+solve: {duration: 0.1}
+"""
+
+
+def test_nothing_holds_back_what_is_held_already_on_the_way_to_rest(monkeypatch):
+    """Of fine meshes the stiffest are so stiff that a hold of 1e-11 of these bent all corrections."""
+    scene, efforts = build(parse_deck(FINE, "fine.yaml")), []
+
+    def noted(problem, effort, *others):
+        efforts.append((problem.hold, effort))
+        return stepped(problem, effort, *others)
+
+    monkeypatch.setattr(nearby, "stepped", noted)
+    x = nearby.resting(scene)
+    ((hold, effort),) = efforts
+    assert hold == 0.0 and effort.iterations < 10
+    state = equilibrium_of(scene, problem_of(scene)).state
+    assert np.abs(x - scene.system.reduction.expand(state.z)[0]).max() < 1e-10
