@@ -126,13 +126,12 @@ def _of_rates(pencil: Pencil, count: int) -> Eigenpairs:
     sizes = np.sort(np.abs(squares[~free]))
     # without any stiffness gyroscopic terms alone say how fast motions are
     shift = float(np.sqrt(sizes[min(2, len(sizes) - 1)])) if len(sizes) else pencil.whirling
-    shift, values, vectors = _beside(pencil, shift, count)
-    complete: bool | None = True
-    if pencil.large and len(values) < 2 * pencil.free:
-        again, _ = _roots(pencil, shift, count, seed=2)
+    shift, values, vectors, complete = _beside(pencil, shift, count)
+    if complete and pencil.large and len(values) < 2 * pencil.free:
+        again, *_ = _roots(pencil, shift, count, seed=2)
         count = min(count, len(values), len(again))
         nearest = [np.sort(np.abs(one - shift))[:count] for one in (values, again)]
-        complete = bool(np.allclose(nearest[0], nearest[1], rtol=1e-5)) or None
+        complete = bool(np.allclose(nearest[0], nearest[1], rtol=1e-5))
     noise = pencil.rounding(values, vectors) + EPS * shift**2
     zero = no_more(np.abs(values) ** 2, noise)
     uncertainty = _of_roots(_CERTAIN * noise, values) + 10.0 * EPS * np.abs(values - shift) ** 2 / shift
@@ -145,15 +144,15 @@ def _of_rates(pencil: Pencil, count: int) -> Eigenpairs:
             [np.full(still.shape[1], float(np.sqrt(noise[zero].max(initial=0.0)))), uncertainty[swinging]]
         ),
         np.concatenate([doubled, np.zeros(len(swinging), dtype=bool)]),
-        complete,
+        complete or None,
     )
 
 
-def _beside(pencil: Pencil, shift: float, count: int) -> tuple[float, ComplexArray, ComplexArray]:
+def _beside(pencil: Pencil, shift: float, count: int) -> tuple[float, ComplexArray, ComplexArray, bool]:
     """Return a shift that is no eigenvalue, and what is found next to it: something may grow at that rate."""
     for k in range(_TRIES + 1):
         try:
-            values, vectors = _roots(pencil, shift, count)
+            values, vectors, complete = _roots(pencil, shift, count)
         except np.linalg.LinAlgError:
             if k == _TRIES:
                 raise
@@ -161,7 +160,7 @@ def _beside(pencil: Pencil, shift: float, count: int) -> tuple[float, ComplexArr
             if k == _TRIES or np.abs(values - shift).min(initial=np.inf) >= _NEAR * shift:
                 break
         shift *= _ASIDE
-    return shift, values, vectors
+    return shift, values, vectors, complete
 
 
 def _standing(
@@ -188,8 +187,13 @@ def _standing(
     return kept @ ways, np.arange(kept.shape[1]) < again
 
 
-def _roots(pencil: Pencil, shift: float, count: int, seed: int = 1) -> tuple[ComplexArray, ComplexArray]:
-    """Return the eigenvalues next to a shift and their vectors, by equations of first order in (y, y'/s)."""
+def _roots(
+    pencil: Pencil, shift: float, count: int, seed: int = 1
+) -> tuple[ComplexArray, ComplexArray, bool]:
+    """Return the eigenvalues next to a shift and their vectors, by equations of first order in (y, y'/s).
+
+    Last comes whether all that were sought are among them.
+    """
     M, V, _, _ = pencil.matrices
     n, solve = pencil.n, pencil.at(shift)
     VM = V + shift * M
@@ -204,7 +208,7 @@ def _roots(pencil: Pencil, shift: float, count: int, seed: int = 1) -> tuple[Com
         theta, both = eigenvectors(np.vstack([onto, below]))
         if not theta.all():  # at an eigenvalue the inverse is anything
             raise np.linalg.LinAlgError("Singular matrix")
-        return shift + 1.0 / theta, basis @ both[: pencil.free]
+        return shift + 1.0 / theta, basis @ both[: pencil.free], True
     from scipy.sparse.linalg import LinearOperator
 
     def apply(one: Array) -> Array:
@@ -216,8 +220,8 @@ def _roots(pencil: Pencil, shift: float, count: int, seed: int = 1) -> tuple[Com
     y, w = (solve(M @ rng.standard_normal(n)) for _ in range(2))
     operator: Any = LinearOperator((2 * n, 2 * n), matvec=apply, dtype=float)
     size = min(2 * (count + MORE), 2 * pencil.free - 2)
-    theta, both = arnoldi(operator, size, np.concatenate([y, w]))
-    return shift + 1.0 / theta, both[:n]
+    theta, both, complete = arnoldi(operator, size, np.concatenate([y, w]))
+    return shift + 1.0 / theta, both[:n], complete
 
 
 # --- what is rounding ----------------------------------------------------------------------------------

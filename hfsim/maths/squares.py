@@ -209,21 +209,22 @@ def _large(pencil: Pencil, solve: Solve, count: int, seed: int) -> tuple[Complex
     start = solve(M @ np.random.default_rng(seed).standard_normal(n))
     operator: Any = LinearOperator((n, n), matvec=lambda y: solve(M @ y), dtype=float)
     if not pencil.symmetric:
-        return arnoldi(operator, count, start)
+        return arnoldi(operator, count, start)[:2]
     inverse: Any = LinearOperator((n, n), matvec=solve, dtype=float)
     small = n <= _WHOLE
     options: Any = {"v0": start, "tol": _TIGHT, "maxiter": _ROUNDS if small else _MANY_ROUNDS}
     # the inverse is that at the shift, whatever it is called
-    values, vectors = _converged(partial(eigsh, M, count, M=M, sigma=0.0, OPinv=inverse, **options))
+    values, vectors, _ = _converged(partial(eigsh, M, count, M=M, sigma=0.0, OPinv=inverse, **options))
     if len(values) < (count if small else 2):
         raise Unfound(f"{len(values)} of {count} slowest motions were found")
     return 1.0 / values.astype(complex), vectors.astype(complex)
 
 
-def arnoldi(operator: Any, count: int, start: Array) -> tuple[ComplexArray, ComplexArray]:
-    """Return the largest eigenvalues of an operator and their vectors, as far as they converge.
+def arnoldi(operator: Any, count: int, start: Array) -> tuple[ComplexArray, ComplexArray, bool]:
+    """Return the largest eigenvalues of an operator and their vectors, and whether all of them converged.
 
-    Where damping grows with stiffness, eigenvalues without number crowd at one place.
+    Where damping grows with stiffness, eigenvalues without number crowd at one place: of these some do not,
+    nor do others that they crowd out.
     """
     from scipy.sparse.linalg import eigs
 
@@ -233,15 +234,15 @@ def arnoldi(operator: Any, count: int, start: Array) -> tuple[ComplexArray, Comp
     )
 
 
-def _converged(iteration: Callable[[], tuple[Array, Array]]) -> tuple[Any, Any]:
-    """Return eigenvalues and vectors as far as an iteration converges."""
+def _converged(iteration: Callable[[], tuple[Array, Array]]) -> tuple[Any, Any, bool]:
+    """Return eigenvalues and vectors as far as an iteration converges, and whether all did."""
     from scipy.sparse.linalg import ArpackError, ArpackNoConvergence
 
     try:
-        return iteration()
+        return *iteration(), True
     except ArpackNoConvergence as some:
         if not len(some.eigenvalues):
             raise Unfound("none of the slowest motions was found") from None
-        return some.eigenvalues, some.eigenvectors
+        return some.eigenvalues, some.eigenvectors, False
     except ArpackError as error:
         raise np.linalg.LinAlgError(str(error)) from None
