@@ -25,6 +25,8 @@ DENSE_IN_PLANE = 250
 0.44 and 0.27 s against 1.08 and 0.54)."""
 DENSE_IN_SPACE, DENSE_WITH_AXES = 300, 400
 """The same in space (at 237, 0.95 s against 2.3 s), also with many axes (at 357, 1.4 s against 3.6 s)."""
+AT_ONCE = 20_000
+"""Rows of sparse matrices, of several states, that are factorised together."""
 SOFT = 1e-6
 """Stiffness, over the largest of a matrix, below which a coordinate is not measured by its own."""
 LONG, ASIDE, FEW_LONG = 48, 10.0, 1.0 / 16.0

@@ -16,7 +16,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, slices
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import Matrix, SaddlePoints, dense, factorised, is_sparse, saddle_point
+from hfsim.maths.matrices import AT_ONCE, Matrix, SaddlePoints, dense, factorised, is_sparse, saddle_point
 from hfsim.maths.traced import aside, outside
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.joint_rows import JointRows
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from hfsim.mechanics.node_joints import NodeJoints
     from hfsim.mechanics.node_solution import NodeSolution
 
-AT_ONCE = 20_000
-"""Rows of the sparse matrices, of several states, that are factorised together."""
 FEW = 60
 """Coordinates at joints up to which large scenes are solved by these; beyond, with the whole matrix."""
 FEW_DENSE = 150

@@ -14,13 +14,10 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray, slices
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import Entries, Matrix, SamePlaces, factorised
+from hfsim.maths.matrices import AT_ONCE, Entries, Matrix, SamePlaces, factorised
 from hfsim.maths.traced import aside
 from hfsim.mechanics.axes_rows import AxesAt
 from hfsim.mechanics.node_solution import NodeSolution
-
-AT_ONCE = 20_000
-"""Unknowns, of several states, that are solved together."""
 
 
 class _Joined(NamedTuple):
@@ -60,10 +57,6 @@ class NodeJoints:
         others.setdiag(0.0)
         coupled = np.asarray(abs(others).sum(axis=1)).ravel()[found._others].any()
         return None if coupled or by_nodes.slender else found
-
-    @cached_property
-    def _unconstrained(self) -> Callable[[Array], Array]:
-        return factorised(self.mass)
 
     def _entries(self, x: Array) -> Entries:
         """Return the entries of the derivatives of the joints' rows, (n_joint_rows, n)."""
@@ -120,27 +113,18 @@ class NodeJoints:
         parts.append(np.broadcast_to(others, (len(parts[0]), others.shape[1])))
         return self._mobile.of(np.concatenate(parts, axis=1))
 
-    def _held(self, at: Sequence[AxesAt], f: Array, gamma: Array) -> tuple[Array, Array]:
-        """Return accelerations and multipliers without joints."""
-        a, multipliers = self._unconstrained(f), np.zeros_like(gamma)
-        for kind, own in zip(self.by_nodes.nodes, at, strict=True):
-            held, found = own.held(a[:, kind.free][..., None], gamma[:, kind.rows][..., None])
-            a[:, kind.free], multipliers[:, kind.rows] = held[..., 0], found[..., 0]
-        return a, multipliers
-
     def _joined(self, x: Array) -> _Joined:
         """Return what solutions in states (n_batch, n_x) need."""
         at, J = [kind.at(x) for kind in self.by_nodes.nodes], self._places.of(self._entries(x).values)
         return _Joined(at, J, factorised(J @ self._mobility(at) @ J.T))
 
     def _solved(self, joined: _Joined, f: Array, gamma: Array) -> tuple[Array, Array]:
-        (at, J, closing), rows = joined, self.by_nodes.rows
-        a, multipliers = self._held(at, f, gamma)
+        (at, J, closing), rows, nodes = joined, self.by_nodes.rows, self.by_nodes
+        a, multipliers = nodes.without_joints(at, f, gamma)
         found = closing(J @ a.ravel() - gamma[:, rows].ravel())
-        pushed, more = self._held(at, -(J.T @ found).reshape(f.shape), np.zeros_like(gamma))
-        a, multipliers = a + pushed, multipliers + more
-        multipliers[:, rows] = found.reshape(len(f), -1)
-        return a, multipliers
+        pushed, more = nodes.without_joints(at, -(J.T @ found).reshape(f.shape), np.zeros_like(gamma))
+        multipliers[:, rows], more[:, rows] = 0.0, found.reshape(len(f), -1)
+        return a + pushed, multipliers + more
 
     def solve(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
         """Return accelerations (n_batch, n) and multipliers (n_batch, n_rows) for forces f (n_batch, n).
@@ -175,6 +159,5 @@ class NodeJoints:
         joined, (n, rows) = self._joined(x), (f.shape[1], self.by_nodes.rows)
         missing = self._solved(joined, f, gamma)[0] - a
         found[:, :n], gaps = missing, found[:, n:]
-        for kind, own in zip(self.by_nodes.nodes, joined.at, strict=True):
-            gaps[:, kind.rows] = (own.jacobian @ missing[:, kind.free][..., None])[..., 0]
+        self.by_nodes.open_nodes(joined.at, missing, gaps)
         gaps[:, rows] = (joined.jacobian @ missing.ravel()).reshape(len(f), -1)

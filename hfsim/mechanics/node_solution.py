@@ -139,11 +139,15 @@ class NodeSolution:
     def _opening(self, at: Sequence[AxesAt], J: Array, a: Array) -> Array:
         """Return Phi_z a, shape (n_batch, n_rows)."""
         opening = np.empty((len(a), len(self.rows) + sum(kind.rows.size for kind in self.nodes)))
-        for kind, own in zip(self.nodes, at, strict=True):
-            opening[:, kind.rows] = (own.jacobian @ a[:, kind.free][..., None])[..., 0]
+        self.open_nodes(at, a, opening)
         at_joints = a[:, self._spreading[1]] @ self._reading
         opening[:, self.rows] = (J @ at_joints[..., None])[..., 0]
         return opening
+
+    def open_nodes(self, at: Sequence[AxesAt], a: Array, opening: Array) -> None:
+        """Write the rows of the nodes into what accelerations a (n_batch, n) open, (n_batch, n_rows)."""
+        for kind, own in zip(self.nodes, at, strict=True):
+            opening[:, kind.rows] = (own.jacobian @ a[:, kind.free][..., None])[..., 0]
 
     def _pull(self, at: Sequence[AxesAt], J: Array, multipliers: Array) -> Array:
         """Return Phi_z^T lambda, shape (n_batch, n)."""
@@ -175,13 +179,18 @@ class NodeSolution:
             answers.append(found)
         return _Answers(moved, J @ (moved @ self._reading).swapaxes(1, 2), answers)
 
-    def _solved_once(
-        self, at: Sequence[AxesAt], J: Array, answers: _Answers | None, f: Array, gamma: Array
-    ) -> tuple[Array, Array]:
+    def without_joints(self, at: Sequence[AxesAt], f: Array, gamma: Array) -> tuple[Array, Array]:
+        """Return accelerations and multipliers where the nodes' rows alone hold: of joints anything."""
         a, multipliers = np.array(self.unconstrained(f)), np.empty_like(gamma)
         for kind, own in zip(self.nodes, at, strict=True):
             held, found = own.held(a[:, kind.free][..., None], gamma[:, kind.rows][..., None])
             a[:, kind.free], multipliers[:, kind.rows] = held[..., 0], found[..., 0]
+        return a, multipliers
+
+    def _solved_once(
+        self, at: Sequence[AxesAt], J: Array, answers: _Answers | None, f: Array, gamma: Array
+    ) -> tuple[Array, Array]:
+        a, multipliers = self.without_joints(at, f, gamma)
         if answers is None:
             return a, multipliers
         (moved, mobility, by_nodes), columns = answers, self._spreading[1]

@@ -130,8 +130,9 @@ def _parts(scene: Assembled, moving: Sequence[Body]) -> IntArray:
     touching = {name for one in contacts for name in owners(one)}
     groups = connected(scene.deck, scene.bodies.keys() - set(names), without="contact")
     part = {name: k for k, group in enumerate(groups) for name in group}
-    part.update({name: len(groups) + k for k, name in enumerate(touching.intersection(names))})
-    return np.unique([part[name] for name in names], return_inverse=True)[1]
+    part.update({name: len(groups) + k for k, name in enumerate(touching)})
+    numbers: dict[int, int] = {}
+    return np.array([numbers.setdefault(part[name], len(numbers)) for name in names], dtype=np.intp)
 
 
 def _extents(outlines: Sequence[Array], part: IntArray, n_dim: int) -> tuple[Array, Array]:
