@@ -77,7 +77,8 @@ class Facings:
     @cached_property
     def _firm(self) -> set[str]:
         """Bodies whose turns are stated, or follow by what joints hold and by angles that are stated."""
-        return set(self._spread({"ground": LEVEL, **self._stated}, (), by_holding, self._by_driver))
+        known = {"ground": LEVEL, **self._stated}
+        return set(self._spread(known, ("ground",), by_holding, self._by_driver))
 
     @cached_property
     def _stated(self) -> dict[str, Array]:

@@ -82,6 +82,34 @@ class _Placing:
         a, b = (self.part[split_point(end)[0]] for end in mount.between)
         return None if a is b else sum(not one.isdisjoint(self.known) for one in (a, b))
 
+    def spread(self, some: Sequence[tuple[str, JointSpec]], found: list[str]) -> None:
+        """Connect what some mounts join, in each round what is next to the known; add their names to a list.
+
+        Those between bodies of which neither is known come last.
+        """
+        of, waiting = dict[str, list[int]](), list(range(len(some)))
+        for k, (_, mount) in enumerate(some):
+            for body in owners(mount):
+                of.setdefault(body, []).append(k)
+        while waiting:
+            reached = set[str]()
+            for name, mount in [some[k] for k in waiting if self.joins(some[k][1]) == 1]:
+                if self.joins(mount) == 1:
+                    found.append(name)
+                    reached |= self._connect(mount)
+            waiting = sorted({k for body in reached for k in of.get(body, ())})
+        for name, mount in some:
+            if self.joins(mount) == 0:
+                found.append(name)
+                self._connect(mount)
+
+    def _connect(self, mount: JointSpec) -> set[str]:
+        """Connect what a mount joins; return what had nothing known about it before."""
+        parts = (self.part[body] for body in owners(mount))
+        unknown = {body for part in parts if part.isdisjoint(self.known) for body in part}
+        connect(self.part, owners(mount))
+        return unknown
+
 
 def _holding(
     every: Mapping[str, JointSpec], deck: Deck, joints: Iterable[JointSpec], keys: Sequence[str]
@@ -91,12 +119,5 @@ def _holding(
     firmness = {name: deck.springs[name].firmness(deck.dimension) for name in every}
     ranked = sorted(every, key=lambda name: (*(-one for one in firmness[name]), name))
     for _, alike in groupby(ranked, lambda name: firmness[name][:2]):
-        some = list(alike)
-        # those between bodies of which neither is known come last, and in each round the next farther ones
-        for of_known in (1, 0):
-            while now := [name for name in some if placing.joins(every[name]) == of_known]:
-                for name in now:
-                    if placing.joins(every[name]) == of_known:
-                        found.append(name)
-                        connect(placing.part, owners(every[name]))
+        placing.spread([(name, every[name]) for name in alike], found)
     return found

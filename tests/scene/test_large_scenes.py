@@ -9,7 +9,7 @@ import pytest
 
 from hfsim.maths.matrices import dense, is_sparse
 from hfsim.mechanics import elimination
-from hfsim.scene import closing, facing, freedom
+from hfsim.scene import closing, facing, freedom, mounts
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 
@@ -163,3 +163,15 @@ def test_each_spring_is_looked_at_a_few_times_where_bodies_float(monkeypatch):
     scene = scene_of(bodies, {}, springs=springs, ground=points)
     assert len(scene.free_motions) == count and scene.warnings is not None
     assert 0 < len(ends) < 4 * count
+
+
+def test_each_bushing_is_looked_at_a_few_times_for_where_bodies_start(monkeypatch):
+    count, asked = 60, []
+    bodies = {f"r{k}": {"type": "rigid", "mass": 1.0, "inertia": 0.1} for k in range(count)}
+    held = {"type": "bushing", "stiffness": 1e4, "rotational_stiffness": 1e3}
+    springs = {f"s{k}": {**held, "between": [f"r{k - 1}" if k else "ground", f"r{k}"]} for k in range(count)}
+    deck = scene_of(bodies, {}, 2, springs).deck
+    joins = mounts._Placing.joins
+    monkeypatch.setattr(mounts._Placing, "joins", lambda *args: (asked.append(1), joins(*args))[1])
+    assert list(mounts.mounts(deck)) == [f"springs.{name}" for name in springs]
+    assert 0 < len(asked) < 20 * count

@@ -10,6 +10,7 @@ from hfsim.errors import DeckError
 from hfsim.maths.rotations import rotation
 from hfsim.scene.assembly import angles_of
 from hfsim.scene.build import build
+from hfsim.scene.facing import Facings
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
 
@@ -473,3 +474,18 @@ def test_a_line_that_is_tilted_at_the_start_has_the_angle_of_its_tangent():
     assert run["b.x"][0] ** 2 + run["b.y"][0] ** 2 == pytest.approx(0.91, abs=1e-9)
     run = simulate(parse_deck(LINE % "type: driver, angle: 0.2"), error_estimate=False)
     assert run["v.angle"][0] == pytest.approx(0.2, abs=1e-9)
+
+
+def test_no_hinge_is_guessed_between_bodies_that_joints_and_drivers_hold():
+    """Its axis in B is where the deck has the bodies, and none that is tried because it closes a loop."""
+    joints = (
+        "  seat: {type: fixed, between: [ground, hub], orientation: {axis: [1.0, 0.0, 0.0], angle: 180 deg}}\n"
+        "  axle: {type: revolute, between: [ground, bob]}\n"
+        "  pin: {type: revolute, between: [hub, bob]}\n"
+    )
+    drive = "  drive: {type: driver, between: [ground, bob], angle: 0.3}\n"
+    solve = "solve: {duration: 1.0}\n"
+    decks = (parse_deck(f"{BODIES}{some}{solve}", "pin.yaml").deck for some in (joints, joints + drive))
+    guessed, held = map(Facings, decks)
+    assert guessed.by_own() is not guessed
+    assert held.by_own() is held
