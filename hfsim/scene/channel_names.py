@@ -108,7 +108,7 @@ class ChannelNames:
             yield Complaint(path, f"only a beam has {quantity}, '{owner}' is {shown(body.get('type'))}")
         elif kind.of_sections and body.get("element") == "cable":
             yield Complaint(path, f"a cable element has no {quantity}", "take element: cosserat")
-        elif kind.of_shape and any("shape" not in one for one in self._sections(body)):
+        elif kind.of_shape and any("area" in one for one in self._sections(body)):
             message = f"the section of '{owner}' has no shape from which a {quantity} follows"
             yield Complaint(path, message, "take shape: rectangle, circle or tube")
         else:

@@ -221,6 +221,22 @@ output: {{channels: [{channel}]}}
     assert "deck:8:21:" in str(refused.value)
 
 
+@pytest.mark.parametrize("section", ["{shap: circle, diameter: 0.1}", "{shape: circle, diameter: 0.1}"])
+def test_of_a_misspelled_section_nothing_is_said_of_stresses(section):
+    text = f"""
+hfsim: 1
+gravity: [0.0, 0.0]
+materials: {{stuff: {{density: 1.0, youngs_modulus: 1.0}}}}
+sections: {{bar: {section}}}
+bodies: {{b: {{type: beam, material: stuff, section: {"bar" if "shap:" in section else "bra"}, length: 9.0}}}}
+solve: {{duration: 1.0}}
+output: {{channels: [b.tip.stress]}}
+"""
+    with pytest.raises(DeckError, match="error: (sections|bodies.b.section)") as refused:
+        build(parse_deck(text))
+    assert "stress follows" not in str(refused.value)
+
+
 def test_axes_of_a_line_do_not_turn_about_it():
     """On a helix they turn back against its own normal by torsion times length."""
     s = np.linspace(0.0, 3.0, 400)
