@@ -217,7 +217,10 @@ def _large(pencil: Pencil, solve: Solve, count: int, seed: int) -> tuple[Complex
     values, vectors, _ = _converged(partial(eigsh, M, count, M=M, sigma=0.0, OPinv=inverse, **options))
     if len(values) < (count if small else 2):
         raise Unfound(f"{len(values)} of {count} slowest motions were found")
-    return 1.0 / values.astype(complex), vectors.astype(complex)
+    # Rayleigh's quotients: the iteration's own values are as far off as the largest is, of what moves freely
+    moved = M @ vectors
+    theta = np.sum(moved * solve(moved), axis=0) / pencil.energies(vectors)
+    return theta.astype(complex), vectors.astype(complex)
 
 
 def arnoldi(operator: Any, count: int, start: Array) -> tuple[ComplexArray, ComplexArray, bool]:

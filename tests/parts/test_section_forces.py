@@ -232,7 +232,7 @@ bodies: {{b: {{type: beam, material: stuff, section: {"bar" if "shap:" in sectio
 solve: {{duration: 1.0}}
 output: {{channels: [b.tip.stress]}}
 """
-    with pytest.raises(DeckError, match="error: (sections|bodies.b.section)") as refused:
+    with pytest.raises(DeckError, match=r"error: (sections|bodies.b.section)") as refused:
         build(parse_deck(text))
     assert "stress follows" not in str(refused.value)
 
