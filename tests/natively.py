@@ -54,7 +54,7 @@ def runs_alike(deck, monkeypatch, within):
     Return the run with the kernel.
     """
     evaluates_alike(build(deck))
-    one, other = both(monkeypatch, lambda: hfsim.run(deck, error_estimate=False))
+    one, other = both(monkeypatch, lambda: hfsim.run(deck, error_estimate=False, diagnosis=False))
     assert one.statistics["native_steps"] and not other.statistics["native_steps"]
     for name in one.units:
         np.testing.assert_allclose(one[name], other[name], atol=within * (1.0 + np.abs(other[name]).max()))

@@ -1130,3 +1130,15 @@ def test_what_nothing_holds_is_told_alike_in_any_unit_of_length(size):
         "solve": {"duration": 1.0},
     }
     assert hfsim.static(deck).statistics["held_by_nothing"] == ["a: floats: x, y, turn"]
+
+
+def test_only_the_first_motion_that_becomes_unstable_is_located():
+    """A shaft that is stiff alike to both sides flutters under any torque, in ever more ways."""
+    section = "{shape: rectangle, width: 0.1, height: 0.1}"
+    material = "youngs_modulus: 7.0e+9, poisson_ratio: 0.3"
+    load, moment = (0.0, 20.0, 20.0), (1.6e4, 0.0, 0.0)
+    scene = cantilever(section, 1.0, load, moment, material=material)
+    found = equilibrium_of(scene, problem_of(scene, 1.0))
+    assert not found.reason and not found.stable and len(found.values[found.values < 0.0]) > 2
+    assert 0.0 <= found.crossed < 1e-4
+    assert found.effort.steps < 40

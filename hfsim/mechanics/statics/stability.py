@@ -48,7 +48,9 @@ class Signs:
         return self._seen[2]
 
     def more(self, state: State, load: float) -> bool:
-        """Return whether there are more in a state than in the one that was noted last."""
+        """Return whether there are, for the first time, more than in the state that was noted last."""
+        if self.crossed is not None:
+            return False
         now = self._number(state, load)
         if now and self._before is None:
             here = self._seen
@@ -58,10 +60,10 @@ class Signs:
 
     def note(self, share: float) -> None:
         """Go on to the state that was looked at last, which follows one at a share of the loads."""
-        if self._seen is None:
+        if self._seen is None or self.crossed is not None:
             return
         now = self._number(*self._seen[:2])
-        if self.crossed is None and now > (self._before or 0):
+        if now > (self._before or 0):
             self.crossed = share
         self._before = now
 
