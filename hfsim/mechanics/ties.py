@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
@@ -21,8 +22,8 @@ if TYPE_CHECKING:
     from hfsim.deck.laws import Law
     from hfsim.mechanics.once import Event
 
-TOGETHER = 1e-14
-"""Distance of two points, over that from the origin, that is rounding."""
+TOGETHER = 1e-12
+"""Distance of two points, over their distances from the origin and in their bodies, that is rounding."""
 
 
 @frozen
@@ -256,8 +257,15 @@ class Tie(PointPart):
 
 @frozen
 class DistanceTie(Tie):
-    """Resistances on the distance of two points."""
+    """Resistances on the distance of two points.
 
+    Attributes
+    ----------
+    together : float
+        Distance up to which both points are in one place [m].
+    """
+
+    together: float = field(default=0.0, kw_only=True)
     told: ClassVar[str] = "what resists the distance of two points"
     unit: ClassVar[str] = "m"
 
@@ -277,11 +285,17 @@ class DistanceTie(Tie):
         nothing = np.zeros(len(x))
         return float(np.abs(self._sum(t, nothing, nothing)[0])) if self.meets(x) else 0.0
 
+    @classmethod
+    def between(cls, first: Marker, second: Marker, x: Array) -> DistanceTie:
+        """Return one without resistances of a scene that starts in a state (n,)."""
+        both = first, second
+        arms = [np.array(marker.offset) for marker in both if marker.offset is not None]
+        far = max(float(np.abs(one).max()) for one in (*(marker.position(x[None]) for marker in both), *arms))
+        return cls(first, second, (), together=TOGETHER * far)
+
     def meets(self, x: Array) -> bool:
         """Tell whether both points are in one place, but for rounding, in one state."""
-        (distance,), _ = self._line(x)
-        far = max(float(np.abs(marker.position(x)).max()) for marker in self.markers)
-        return bool(distance <= TOGETHER * far)
+        return bool(self._line(x)[0][0] == 0.0)
 
     @cached_property
     def _signed(self) -> tuple[tuple[float, Marker], ...]:
@@ -289,10 +303,11 @@ class DistanceTie(Tie):
         return tuple((1.0 if end else -1.0, marker) for end, marker in self._ends)
 
     def _line(self, x: Array) -> tuple[Array, Array]:
-        """Return distance and direction, (n_batch, n_dim)."""
+        """Return distance and direction, (n_batch, n_dim): none where the points are in one place."""
         gap = self.second.position(x) - self.first.position(x)
         distance = np.sqrt(np.sum(gap * gap, axis=-1))
-        return distance, gap / np.where(distance == 0.0, 1.0, distance)[:, None]
+        met = distance <= self.together
+        return np.where(met, 0.0, distance), gap / np.where(met, np.inf, distance)[:, None]
 
     def _curved(self, x: Array, force: Array, slope: Array) -> Entries:
         """Return what turns of the line make of the force; where the points meet, it grows every way."""

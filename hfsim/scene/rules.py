@@ -216,7 +216,7 @@ def _standing_drivers(deck: Deck, models: Models) -> Items:
 
 @_rule(
     "rigid bodies that cannot move",
-    "undriven fixed joints weld them to the ground, and no reaction of these joints is asked for",
+    "undriven fixed joints weld them to the ground; no channel is a reaction of these or the centre of mass",
     "their points are points of the ground",
     coordinates=3,
     joint_equations=3,
@@ -241,9 +241,9 @@ def owners(tie: JointSpec | SpringSpec) -> set[str]:
 
 
 def _may_stand(deck: Deck, joint: str, body: str) -> bool:
-    """Whether a body is rigid and nobody asks for what holds it."""
-    asked = (channel.rpartition(".")[0] for channel in deck.channels)
-    return deck.bodies[body].rigid and joint not in asked
+    """Whether a body is rigid and nobody asks for what holds it, or for the centre of mass."""
+    asked = {channel.rpartition(".")[0] for channel in deck.channels}
+    return deck.bodies[body].rigid and asked.isdisjoint((joint, "centre_of_mass"))
 
 
 def welds(deck: Deck, bodies: Iterable[str]) -> frozenset[str]:

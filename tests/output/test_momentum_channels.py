@@ -61,3 +61,20 @@ def test_the_centre_falls_and_moments_of_the_weight_add_up(words, model):
     apart = BEAM * 0.5 / mass * 0.3**2 * 9.0
     expected = spin + apart + mass * (start[0] * rate[1] - start[1] * rate[0])
     assert angular[0, -1] == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("more", ["", ", weld.force_x"])
+def test_the_centre_is_that_of_all_bodies_whatever_else_is_asked_for(more):
+    """Those that are welded to the ground weigh too, though they need no coordinates."""
+    text = f"""
+hfsim: 1
+gravity: [0.0, 0.0]
+ground: {{points: {{there: [1.0, 0.5]}}}}
+bodies: {{a: {{type: rigid, mass: 1.0, inertia: 0.1}}, b: {{type: rigid, mass: 3.0, inertia: 0.1}}}}
+joints: {{weld: {{type: fixed, between: [ground.there, b]}}}}
+initial: {{a: {{position: [0.0, 0.0], velocity: [0.4, 0.0]}}}}
+solve: {{duration: 0.1}}
+output: {{interval: 0.1, channels: [centre_of_mass.x, centre_of_mass.y{more}]}}
+"""
+    values, _ = solved(text)
+    assert values[:, :2] == pytest.approx(np.array([[0.75, 0.375], [0.76, 0.375]]), abs=1e-12)

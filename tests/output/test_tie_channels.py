@@ -288,3 +288,23 @@ output: {interval: 0.1, plots: false, channels: [turn.torque, turn.moment_z, top
     values, _ = solved(text)
     assert values[-1, 2] < 0.6
     assert values[:, :2] == pytest.approx(0.5, abs=1e-12)
+
+
+@pytest.mark.parametrize("n_dim", [2, 3])
+def test_springs_between_points_that_are_kept_together_act_on_nothing(n_dim):
+    """Where rounding keeps them apart there is no direction either: the pin bears m w^2 r alone."""
+    third, about = [", 0.2", "[0.0, 0.0, 1.0]"] if n_dim == 3 else ["", "1.0"]
+    text = f"""
+hfsim: 1
+gravity: [0.0, 0.0{", 0.0" if n_dim == 3 else ""}]
+ground: {{points: {{P: [0.1, 0.7{third}]}}}}
+bodies: {{a: {{type: rigid, mass: 2.0, inertia: {"[0.1, 0.1, 0.1]" if n_dim == 3 else 0.1}, points: {{p: [0.31, 0.17{third and ", 0.0"}]}}}}}}
+joints: {{pin: {{type: revolute, between: [ground.P, a.p]}}}}
+springs: {{s: {{type: two_point, between: [ground.P, a.p], stiffness: 10.0, damping: 0.5, preload: 2.0, rest_length: 0.0}}}}
+initial: {{a: {{angular_velocity: {about}}}}}
+solve: {{duration: 1.0, tolerance: 1.0e-9}}
+output: {{interval: 0.1, plots: false, channels: [pin.force_x, pin.force_y, s.force_x, s.force_y, s.distance]}}
+"""
+    values, _ = solved(text)
+    assert np.hypot(values[:, 0], values[:, 1]) == pytest.approx(2.0 * np.hypot(0.31, 0.17), abs=1e-7)
+    assert not values[:, 2:].any()

@@ -50,4 +50,4 @@ CENTRE = tuple(
     ChannelKind("m", _centre(axis), "centre_of_mass", OF_POSITIONS, (2, 3) if axis < 2 else (3,))
     for axis in range(3)
 )
-"""Of all that moves."""
+"""Of all bodies."""

@@ -67,7 +67,7 @@ class TwoPointSpec(SlidingResistanceSpec, CoordinateSpringSpec):
 
     def build(self, first: Marker, second: Marker, start: Array) -> DistanceTie:
         """Return the force between two markers of a scene with coordinates (n,) at the start."""
-        loose = DistanceTie(first, second, ())
+        loose = DistanceTie.between(first, second, start)
         return replace(loose, resistances=self.from_rest(self._rest(loose, start)))
 
     def _rest(self, loose: DistanceTie, start: Array) -> "float | Law":
