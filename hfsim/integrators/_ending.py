@@ -55,7 +55,8 @@ class Ending:
         self._rate = rate = ratio if k <= 1 else max(ratio, 0.5 * self._rate)
         settled = k > 0 and rate < 1.0 and change * max(rate, 0.05) < goal * (1.0 - rate)
         rounding = size < near and k > 2 and ratio > 0.9
-        if change < 0.05 * goal or settled or rounding or size < last_digit:
+        nothing = size < last_digit and change < near  # in very short steps velocities change by more
+        if change < 0.05 * goal or settled or rounding or nothing:
             return True
         if not change < beyond or (k > 3 and change > 0.8 * self._before):
             return False

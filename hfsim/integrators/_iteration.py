@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfsim.integrators._derivative import Derivative, Stages, Start, Strained
-from hfsim.integrators._ending import MAX_ITERATIONS, Ending
+from hfsim.integrators._ending import MAX_ITERATIONS, Ending, size_of
 from hfsim.integrators._problem import Increments, PlainIncrements, Problem, Project
 from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array
@@ -20,6 +20,8 @@ LINEAR = 1e-3
 """Natural increments below which their linear map to the state is good enough."""
 STRAY = 30.0
 """Change of accelerations at a stage, over that at any other, from which it goes along with these."""
+DIGITS = 1e-15
+"""Rounding of places, over their size, of which accelerations in very short steps are made, if from these."""
 TAIL = 0.25
 """Part of the last terms of the Legendre series that is an error of the positions, as measured."""
 
@@ -142,7 +144,9 @@ class Iteration:
         if self._problem.strains is not None:
             seen = self._problem.strains.seen(q[None])
             self.expected = np.asarray(seen + self.derivative.strain_changes(y))
-        self.a = np.asarray(self._back @ (moved - times[:, None] * v))
+        a = self._back @ (moved - times[:, None] * v)
+        blur = DIGITS * size_of(q) * np.abs(self._back).sum(axis=1).max()
+        self.a = np.where(np.abs(a - a0).max() > blur, a, a0)
 
     def middle(self) -> Middle:
         """Return the stage in the middle as it is guessed."""

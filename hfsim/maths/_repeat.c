@@ -10,7 +10,8 @@ static int ended(Ending *e, int k, double change, double size) {
     e->rate = k <= 1 || !(held > ratio) ? ratio : held;
     int settled = k > 0 && e->rate < 1.0 && change * (0.05 > e->rate ? 0.05 : e->rate) < e->goal * (1.0 - e->rate);
     int rounding = size < e->near && k > 2 && ratio > 0.9;
-    if (change < 0.05 * e->goal || settled || rounding || size < e->last_digit) return 1;
+    int nothing = size < e->last_digit && change < e->near; /* in very short steps velocities change by more */
+    if (change < 0.05 * e->goal || settled || rounding || nothing) return 1;
     if (!(change < e->beyond) || (k > 3 && change > 0.8 * e->before)) return -1;
     e->before = e->last; e->last = change;
     return 0;

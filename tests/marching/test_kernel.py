@@ -247,7 +247,7 @@ def test_iterations_end_as_in_numpy(seed):
     shrink, noise = rng.choice([0.02, 0.5, 0.95, 1.3, 30.0]), rng.choice([0.0, 0.5])
     changes = 10.0 ** rng.uniform(-9.0, 1.0) * np.cumprod(shrink * np.exp(noise * rng.standard_normal(20)))
     changes = np.where(rng.random(20) < 0.03, np.nan, changes)
-    given = np.stack([changes, changes * 10.0 ** rng.uniform(-6.0, 1.0)], axis=1)
+    given = np.stack([changes, changes * 10.0 ** rng.choice([rng.uniform(-6.0, 1.0), -9.0])], axis=1)
     tolerance = 10.0 ** rng.uniform(-12.0, -3.0)
     ending = Ending(np.ones(3), tolerance)
     outcomes = (ending.after(k, change, size) for k, (change, size) in enumerate(given))

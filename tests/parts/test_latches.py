@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from solved import parsed
 
 import hfsim
+from hfsim.commands.init import starters
 from hfsim.errors import DeckError
 from hfsim.marching.integration import run_integration
 from hfsim.mechanics import events
@@ -210,3 +211,12 @@ def test_what_is_wrong_of_a_latch_is_told(entry, told):
     except DeckError as error:
         found = str(error)
     assert told in found
+
+
+@pytest.mark.parametrize(("method", "tolerance"), [("gauss", 1e-6), ("gauss", 1e-8), ("radau", 1e-8)])
+def test_steps_that_end_where_a_latch_catches_keep_the_velocities(method, tolerance):
+    """They may be ever so short: accelerations that follow from places are rounding there."""
+    changes = {"solve.method": method, "solve.tolerance": tolerance, "solve.duration": 4.0}
+    run = hfsim.run(parsed(starters()["solar_array"]), changes, error_estimate=False, diagnosis=False)
+    assert sum(one is not None for one in run.statistics["latches"].values()) == 2
+    assert abs(run["momentum.angular"][-1]) < 1e-6
