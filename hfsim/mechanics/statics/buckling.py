@@ -252,7 +252,8 @@ def _crossed(problem: Problem, state: State, effort: Effort, count: int) -> Iter
             now = _unstable(problem, there, ends[1]) if led else unstable
             # a long step may end on another path
             led = led and (now <= unstable or step <= AHEAD * ends[1])
-            located += (_located(problem, state, ends, k, effort) for k in range(unstable, now) if led)
+            crossing = range(unstable, min(now, unstable + count - found)) if led else ()
+            located += (_located(problem, state, ends, k, effort) for k in crossing)
         except (NotFoundError, np.linalg.LinAlgError):
             led = False
         if not led:
@@ -262,8 +263,6 @@ def _crossed(problem: Problem, state: State, effort: Effort, count: int) -> Iter
             continue
         yield from located
         found += len(located)
-        if found >= count:
-            return
         state, load, unstable = there, ends[1], now
         step *= min(2.0, 0.9 * MOVE / problem.moved(first[0]))
     if not found:
