@@ -313,7 +313,6 @@ def do_job(
         settings.talk.facts(job.ended)
         return int(job.ended.get("exit_code") or 0)
     from hfsim.output.api import carry_out
-    from hfsim.output.extras import Extras
     from hfsim.output.progress import Progress
     from hfsim.output.recording import Recording
     from hfsim.output.report import as_text, headline, method_lines, tell
@@ -347,7 +346,7 @@ def do_job(
             for line in method_lines(result.statistics.get("refinement")):
                 log.add(line.strip())
         log.add(f"model {result.model}, method {result.method}")
-        result, summary = recording.finish(result, Extras() if result.exit_code in INTERRUPTIONS else wanted)
+        result, summary = recording.finish(result, wanted)
     if settings.report:
         from hfsim.output.page import add_page
 

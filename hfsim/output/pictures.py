@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterable
 from contextvars import ContextVar
 from pathlib import Path
 
+from hfsim.marching.stop import SHIELD
+
 FORMATS = ("png", "svg", "pdf")
 """Of pictures, the usual one first."""
 _format = ContextVar("format", default=FORMATS[0])
@@ -85,6 +87,10 @@ def put_files(make: Callable[[Path], Iterable[str]], folder: Path, place: Callab
             raise FileExistsError(f"{taken[0].parent} has files that are not of hfsim: {names}")
         for name, there in places.items():
             os.replace(aside / name, there)
+    except Exception as error:
+        if SHIELD.taken is not None:  # libraries that a signal interrupts may say anything
+            raise SHIELD.taken from error
+        raise
     finally:
         shutil.rmtree(aside, ignore_errors=True)
     return [place(name) for name in places]

@@ -160,7 +160,8 @@ class Recording:
             If the system refuses.
         """
         try:
-            run, files = add_extras(run, Extras() if self._full else wanted, self.path, self._watch)
+            hurried = self._full or run.exit_code in INTERRUPTIONS
+            run, files = add_extras(run, Extras() if hurried else wanted, self.path, self._watch)
             cut_off = run.status == "done" and run.exit_code in INTERRUPTIONS
             if cut_off:
                 self._put_down()
@@ -200,8 +201,11 @@ class Recording:
 def save_run(
     folder: RunFolder, run: Run, provenance: Provenance, watch: Stopwatch, log: RunLog, wanted: Extras
 ) -> tuple[Run, dict[str, Any]]:
-    """Write everything of a run that has ended; as `Recording.finish`."""
+    """Write all of a run that has ended; as `Recording.finish`. A signal costs only what is beside it."""
     recording = Recording(folder, run.name, run.model, provenance, watch, log)
-    recording.begin([channel.name for channel in run.channels])
-    recording.rows(run.table)
+    with SHIELD:
+        recording.begin([channel.name for channel in run.channels])
+        recording.rows(run.table)
+        if wanted.any:
+            recording.solved(run)
     return recording.finish(run, wanted)

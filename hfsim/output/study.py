@@ -141,10 +141,7 @@ class Study:
         plain = self._save(facts, tables, also)
         signal: KeyboardInterrupt | None = None
         if draw and self.plots and self.folder:
-            try:
-                plain = self._add_pictures(plain, draw)
-            except KeyboardInterrupt as stop:
-                signal = stop
+            plain, signal = self._add_pictures(plain, draw)
         if page and self.folder:
             plain = self._add_page(plain, page)
         if self.folder:
@@ -157,23 +154,26 @@ class Study:
 
     def _add_pictures(
         self, plain: Mapping[str, Any], draw: Callable[[Path], Iterable[str]]
-    ) -> dict[str, Any]:
-        """Draw pictures; return the facts with their names, or with a warning, as they are written anew."""
+    ) -> tuple[dict[str, Any], KeyboardInterrupt | None]:
+        """Draw pictures; return the facts, as written anew with their names or a warning, and a signal."""
         from hfsim.output.disk import disk, write_json
         from hfsim.output.pictures import lost, put_pictures
         from hfsim.output.writers import versions
 
         pictures: list[str] = []
         warnings: list[str] = []
+        signal: KeyboardInterrupt | None = None
         try:
             pictures = put_pictures(draw, self.path, self.format)
+        except KeyboardInterrupt as stop:
+            warnings, signal = [lost(stop)], stop
         except Exception as error:  # whatever it is, it must not cost the results
             warnings = [lost(error)]
             self.talk.note(f"warning: {warnings[0]}")
         plain = {**plain, "versions": versions(), "files": [*plain["files"], *pictures], "warnings": warnings}
         with disk(self.path):
             write_json(self.path / f"{self.kind}.json", plain)
-        return plain
+        return plain, signal
 
     def _add_page(self, plain: Mapping[str, Any], make: Page) -> dict[str, Any]:
         """Write a page; return the facts with its name, as they are written anew."""

@@ -407,6 +407,30 @@ def test_compare_can_be_interrupted_while_it_repeats(scene):
     assert facts["status"] == "interrupted" and facts["models"]["linear"]["worst"]["max_abs"] == 0.0
 
 
+def interrupted(*_):
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(("where", "code"), [("_draw", 130), ("add_extras", None)])
+def test_compare_ends_with_the_model_whose_pictures_a_signal_cuts_off(scene, monkeypatch, where, code):
+    module = hfsim.output.extras if where == "_draw" else hfsim.output.recording
+    monkeypatch.setattr(module, where, interrupted)
+    assert call("compare", "linear", "exact").exit_code == 130
+    assert [model for _, model, _ in scene.calls] == ["linear"]
+    facts = json.loads(Path("case.compare/compare.json").read_text())
+    assert (facts["status"], facts["verdict"], list(facts["models"])) == ("interrupted", None, ["linear"])
+    summary = json.loads(Path("case.compare/linear/summary.json").read_text())
+    assert (summary["status"], summary["exit_code"]) == ("done", code)
+    assert "what was to be done after it is missing" in summary["reason"]
+    assert len(Path("case.compare/linear/history.csv").read_text().splitlines()) == 12
+
+
+def test_a_run_that_was_interrupted_costs_no_time_for_pictures(scene):
+    scene.behaviour = {"exact": {"status": "interrupted", "code": 130, "end": 0.4}}
+    assert call("compare", "linear", "exact").exit_code == 130
+    assert Path("case.compare/linear/plots").exists() and not Path("case.compare/exact/plots").exists()
+
+
 # --- check ---------------------------------------------------------------------------------------
 
 
@@ -587,6 +611,31 @@ def test_sigterm_ends_a_run_as_an_interruption_does(tmp_path):
     assert (summary["status"], summary["exit_code"]) == ("interrupted", 143)
     assert "SIGTERM" in summary["reason"]
     assert len((tmp_path / "o" / "history.csv").read_text().splitlines()) > 5
+
+
+DRAWN = """
+import os, signal
+import hfsim.output.extras
+
+def draw(*_):
+    try:
+        os.kill(os.getpid(), signal.SIGTERM)
+    except KeyboardInterrupt:
+        raise ImportError("initialization failed")  # as a library may take it
+
+hfsim.output.extras._draw = draw
+from hfsim.cli import main
+main()
+"""
+
+
+def test_sigterm_while_pictures_are_drawn_ends_a_comparison(tmp_path):
+    command = ["compare", "rigid", "exact", "--case", "pendulum", "-o", str(tmp_path / "o")]
+    done = subprocess.run([sys.executable, "-c", DRAWN, *command], capture_output=True, timeout=60)
+    assert done.returncode == 143
+    assert json.loads((tmp_path / "o/compare.json").read_text())["status"] == "interrupted"
+    assert json.loads((tmp_path / "o/rigid/summary.json").read_text())["exit_code"] == 143
+    assert not (tmp_path / "o/exact").exists()
 
 
 def test_studies_leave_out_models_that_a_scene_has_not(tmp_path, capsys):

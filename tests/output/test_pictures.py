@@ -89,7 +89,9 @@ def test_plots_may_be_a_file(tmp_path):
 def test_a_signal_while_pictures_are_drawn_costs_no_results(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         study(tmp_path).publish({"status": "done"}, {}, "", drawing("a.png", fail=KeyboardInterrupt()))
-    assert json.loads((tmp_path / "race.json").read_text())["files"] == ["race.json"]
+    facts = json.loads((tmp_path / "race.json").read_text())
+    assert facts["files"] == ["race.json"]
+    assert facts["warnings"] == ["the pictures were not drawn: interrupted"]
     assert [path.name for path in tmp_path.iterdir()] == ["race.json"]
 
 

@@ -44,7 +44,7 @@ def carry_out(
     error_estimate : bool
         Whether each run measures its own error too.
     take : callable
-        (model, run) -> the run as it is kept.
+        (model, run) -> the run as it is kept; one that a signal has cut off meanwhile ends the comparison.
     """
     tell = progress or nobody
     models, part = list(prepared.decks), _RUNS / len(prepared.decks)
@@ -53,9 +53,10 @@ def carry_out(
     try:
         jobs = [(model, Share(tell, k * part, part)) for k, model in enumerate(models)]
         for k, run in executor.results(partial(_run_of, prepared, error_estimate), jobs):
+            runs[models[k]] = run
             runs[models[k]] = take(models[k], run)
             tell(len(runs) * part)
-            uninterrupted(run)
+            uninterrupted(runs[models[k]])
         runs = {model: runs[model] for model in models}
         measure(prepared.decks, [*runs.values()], repeats, found, executor, Share(tell, _RUNS, 1.0 - _RUNS))
         ended = True
