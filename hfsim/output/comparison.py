@@ -184,7 +184,7 @@ def _departure(model: ModelResult) -> Iterator[str]:
     for time, body, why in model.left_range:
         yield f"leaves its range at {time:.4g} s, in {body}: {why}"
     if model.undecided is not None:
-        error, channel = percent(model.undecided.time_error_relative), model.undecided.channel
+        error, channel = percent(model.undecided.time_error_relative or 0.0), model.undecided.channel
         yield f"is not decided: errors in time, {error} in {channel}, are beyond the bound; tighten tolerance"
     first = model.first_exceeded
     if first is not None:

@@ -117,7 +117,8 @@ def test_what_is_within_the_errors_in_time_is_equal():
     comparison = compare(runs, "exact", 0.01, in_time(linear=6e-4, exact=6e-4))
     assert comparison.result("linear").worst.equal
     assert comparison.sentence.endswith("(equal within the time error)")
-    assert not compare(runs, "exact", 0.01, in_time(linear=6e-4)).result("linear").worst.equal
+    unknown = compare(runs, "exact", 0.01, in_time(linear=6e-4)).result("linear").worst
+    assert not unknown.equal and unknown.time_error is unknown.time_error_relative is None
 
 
 def test_errors_in_time_beyond_the_bound_decide_nothing():
@@ -177,6 +178,21 @@ def test_what_a_signal_left_is_told_without_a_verdict():
         assert "interrupted" in as_text(comparison, Path("out"))
     counted = [as_text(one, Path("out")).split(": ")[1] for one in (whole, cut)]
     assert [one.partition(" over")[0] for one in counted] == ["2 models", "1 model"]
+
+
+def test_beside_a_reference_that_failed_no_model_is_adequate():
+    comparison = compare([make_run("linear", cpu=0.1), make_run("exact", end=0.4)], "exact", 0.01)
+    assert comparison.result("linear").worst.max_abs == 0.0
+    assert not comparison.result("linear").adequate and comparison.verdict is None
+    assert comparison.sentence.startswith("verdict: none, because the reference exact broke down at 0.4 s")
+
+
+def test_where_nothing_can_be_judged_nothing_is_adequate():
+    runs = [make_run("linear", cpu=0.1), make_run("exact")]
+    comparison = compare([replace(run, channels=run.channels[1:]) for run in runs], "exact", 0.01)
+    assert not any(one.adequate for one in comparison.models)
+    assert comparison.sentence == "verdict: none, because no channel can be judged"
+    assert comparison.sentence in as_text(comparison, Path("out"))
 
 
 def test_without_an_adequate_model_the_reference_is_the_verdict():

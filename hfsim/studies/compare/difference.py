@@ -28,8 +28,8 @@ class Difference:
         When it first passes the bound beyond the errors in time [s]; None if never.
     time_error : float or None
         Errors in time of model and reference together, in `unit`; None where they were not measured.
-    time_error_relative : float
-        The same over the channel's scale, 0 where not measured [-].
+    time_error_relative : float or None
+        The same over the channel's scale [-].
     beyond : float
         What is left of `max_relative` without them: the part that is the model's for sure [-].
     equal : bool
@@ -44,7 +44,7 @@ class Difference:
     time_of_max: float
     first_exceeded: float | None
     time_error: float | None = None
-    time_error_relative: float = 0.0
+    time_error_relative: float | None = None
     beyond: float = 0.0
     equal: bool = False
 
@@ -88,7 +88,7 @@ def difference(
         time_of_max=float(times[found.at]),
         first_exceeded=float(times[passed.argmax()]) if passed.any() else None,
         time_error=time_error,
-        time_error_relative=in_time / scale.scale,
+        time_error_relative=None if time_error is None else time_error / scale.scale,
         beyond=max(0.0, found.largest - in_time) / scale.scale,
         equal=time_error is not None and found.largest <= time_error,
     )

@@ -131,10 +131,10 @@ def _held_against(
     counted = {scale.channel: scale.scale for scale in scales if scale.judged}
     judged = [d for d in found if d is not None and d.channel in counted]
     own = {name: mine[name] / scale for name, scale in counted.items() if name in mine}
-    within = run.status == "done" and len(judged) == len(counted)
-    within = within and all(d.beyond <= max_error for d in judged)
-    vague = max(judged, key=lambda d: d.time_error_relative, default=None)
-    decided = vague is None or vague.time_error_relative <= max_error
+    whole = run.status == truth.status == "done" and 0 < len(judged) == len(counted)
+    within = whole and all(d.beyond <= max_error for d in judged)
+    vague = max(judged, key=_vagueness, default=None)
+    decided = vague is None or _vagueness(vague) <= max_error
     channel = max(own, key=lambda name: own[name], default="")
     return replace(
         result,
@@ -149,6 +149,10 @@ def _held_against(
 
 def _far(found: Difference) -> tuple[float, float]:
     return found.beyond, found.max_relative
+
+
+def _vagueness(found: Difference) -> float:
+    return found.time_error_relative or 0.0
 
 
 # --- cost ----------------------------------------------------------------------------------------

@@ -36,8 +36,8 @@ class ModelResult:
     worst : Difference or None
         The judged one that is largest beyond the errors in time.
     adequate : bool
-        Whether it reached the end and stayed within the bound in every judged channel, and errors in time are
-        within it too.
+        Whether it and the reference reached the end, it stayed within the bound in every judged channel, of
+        which there is one at least, and errors in time are within it too.
     validity : dict of str to dict
         By body, when and why the model left its range, as in ``summary.json``; empty for whole models.
     coordinates : str
@@ -123,7 +123,7 @@ class Comparison:
         In the order in which they were asked for, the reference included.
     verdict : str or None
         The cheapest adequate model, of those that tie the one that leaves out least; None if the reference
-        itself failed, or a signal ended the comparison.
+        itself failed, no channel can be judged, or a signal ended the comparison.
     ties : tuple of str
         Adequate models whose CPU time cannot be told from that of the verdict.
     interrupted : bool
@@ -169,8 +169,9 @@ class Comparison:
         if self.interrupted:
             return "verdict: none: the comparison was interrupted; what was computed until then is kept"
         if self.verdict is None:
-            failed = self.result(self.reference)
-            return f"verdict: none, because the reference {self.reference} {failed.why_ended}"
+            truth = self.result(self.reference)
+            failed = f"the reference {self.reference} {truth.why_ended}" if truth.broke_down else ""
+            return f"verdict: none, because {failed or 'no channel can be judged'}"
         return f"verdict: {self._cheapest(self.result(self.verdict))}{self._ties}"
 
     def _cheapest(self, best: ModelResult) -> str:
@@ -194,8 +195,7 @@ class Comparison:
 
 
 def _worst_of(result: ModelResult) -> str:
-    if result.worst is None:
-        return "(no channel could be judged)"
+    assert result.worst is not None, "an adequate model has a judged channel"
     if result.worst.equal:
         return "(equal within the time error)"
     return f"(worst channel {result.worst.channel}: {percent(result.worst.beyond)})"
