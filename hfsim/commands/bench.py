@@ -102,7 +102,8 @@ def bench(
     Motion, rates, forces and energies are judged apart, and the motion comes first. Errors are of time only
     unless several --elements or --degrees are given. CPU times are those of the integration alone. Results
     go to '<deck name>.bench' or to -o DIR.
-    Points that fail are results (exit code 0); exit code 3 means that there is no reference.
+    Points that fail are results (exit code 0); exit code 3 means that there is no reference, 5 that the
+    budget did not suffice for a single point.
 
     With --separation, the forms of the elastic force (solve.elastic_form in decks) are timed,
     each evaluation and a whole run; results go to 'separation.bench'. Exit code 4: the forms disagree.
@@ -154,7 +155,7 @@ def do_bench(
         Progress(f"{loaded.deck.name}, bench", sys.stderr, study.talk.quiet) as progress,
     ):
         budget = Budget(seconds - drawing, time.process_time, started, progress)
-        result = measure(loaded, sweep, budget, executor)
+        result = measure(loaded, sweep, budget, executor, drawing)
     publish_bench(result, study)
     return _exit_code(result)
 
@@ -199,4 +200,6 @@ def _exit_code(result: Bench) -> int:
     for cell in result.cells:
         if cell.status != "done":
             print_error(f"{cell.model}, {cell.mesh}: no reference: {cell.reason}")
-    return 3 if result.status == "failed" else 0
+    if result.status == "limit":
+        print_error(f"error: the budget of {result.budget:g} s did not suffice for a single point")
+    return {"done": 0, "failed": 3, "limit": 5}[result.status]

@@ -79,7 +79,8 @@ def bench(
     -------
     Bench
         ``found["error"]``, ``found["cpu"]`` and so on: arrays, a value for each point;
-        ``found.recommendations``; ``found.status`` is ``failed`` where there is no reference.
+        ``found.recommendations``; ``found.status`` is ``failed`` where there is no reference, ``limit``
+        where the budget did not suffice for a single point.
 
     Raises
     ------
@@ -114,7 +115,7 @@ def bench(
         study.begin()
     with where.executor(loaded.source.texts, timing=True) as executor:
         allowed = Budget(budget - drawing, time.process_time, start, progress or nobody)
-        result = measure(loaded, wanted, allowed, executor)
+        result = measure(loaded, wanted, allowed, executor, drawing)
     if study is not None:
         publish_bench(result, study)
     finished(result, result.status, executor)

@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import time
+import types
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -14,8 +15,10 @@ from called import call
 
 from hfsim.commands.options import parse_budget
 from hfsim.marching.distance import ChannelScale, channel_errors
-from hfsim.marching.stop import Budget
+from hfsim.marching.integration import run_integration
+from hfsim.marching.stop import Budget, TimeUp
 from hfsim.output.bench import COLUMNS, as_rows
+from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck
 from hfsim.scene.shipped import CASES
 from hfsim.studies.bench import (
@@ -177,10 +180,59 @@ def test_a_slow_point_is_cut_off_and_says_how_far_it_came():
     assert "cut off at" in p.reason and "of the duration" in p.reason
 
 
+def paced(monkeypatch, runs):
+    """Let each tolerance take the times [s] at which shares of its run are done; return a budget of 20 s."""
+    clock, deck = types.SimpleNamespace(now=0.0), pendulum().deck
+    quick = deck.solve.model_copy(update={"tolerance": 1e-3})
+    done = run_integration(build(pendulum()), quick)
+
+    def solve_at_a_pace(scene, solve, guard=None):
+        start = clock.now
+        try:
+            for seconds, share in runs[solve.tolerance] if solve.duration == quick.duration else ():
+                clock.now = start + seconds
+                guard(share)
+        except TimeUp as stop:
+            return types.SimpleNamespace(stop=stop), clock.now - start
+        return done, clock.now - start
+
+    monkeypatch.setattr("hfsim.studies.bench.study.solved", solve_at_a_pace)
+    return Budget(20.0, lambda: clock.now)
+
+
+def evenly(seconds, start=(0.0, 0.0), steps=1000):
+    """Return how a run goes on from a time [s] and a share to its end."""
+    return np.linspace(start, (seconds, 1.0), steps + 1)[1:].tolist()
+
+
+def statuses(budget, *tolerances):
+    wanted = sweep(methods=("gauss",), tolerances=tolerances, repeats=1)
+    return [p.status for p in bench(pendulum(), wanted, budget).points]
+
+
+def test_a_point_that_is_slow_at_its_start_alone_is_measured(monkeypatch):
+    """Steps double from 1e-6 of the duration on: a trial of 0.4 s forecast 27 000 s of the 4 s it takes."""
+    start = [(0.1 * k, 1e-6 * 2.0**k) for k in range(13)]
+    assert statuses(paced(monkeypatch, {1e-3: [*start, *evenly(4.0, start[-1])]}), 1e-3) == ["done"]
+
+
+def test_a_point_at_a_steady_pace_beyond_the_budget_is_tried_once(monkeypatch):
+    budget = paced(monkeypatch, {1e-3: evenly(100.0)})
+    assert statuses(budget, 1e-3) == ["over budget"]
+    assert budget.used < 0.6
+
+
+def test_a_cost_that_grows_once_is_not_taken_to_grow_for_ever(monkeypatch):
+    budget = paced(monkeypatch, {1e-3: evenly(0.3), 1e-4: evenly(3.0), 1e-5: evenly(3.3)})
+    assert statuses(budget, 1e-3, 1e-4, 1e-5) == ["done", "done", "done"]
+    assert budget.used < 7.5
+
+
 def test_one_reference_is_made_at_any_price():
     result = bench(pendulum(), sweep(), Budget(1e-6))
     assert result.cells[0].status == "done"
-    assert {p.status for p in result.points} == {"skipped"}
+    assert {p.status for p in result.points} == {"skipped"} and result.status == "limit"
+    assert {p.reason for p in result.points} == {"the budget was used up"}
 
 
 def test_an_interrupt_keeps_what_was_measured():
@@ -411,6 +463,14 @@ def test_exit_code_3_without_a_reference(tmp_path):
                   "--set", "solve.duration=0.05", "-o", tmp_path / "o", "--no-plots")  # fmt: skip
     assert result.exit_code == 3
     assert "mass matrix" in result.stdout
+
+
+def test_exit_code_5_where_nothing_was_measured(tmp_path):
+    result = call("bench", "pendulum", "--methods", "gauss", "--budget", "1ms", "-o", tmp_path / "o")
+    assert result.exit_code == 5
+    assert "the budget of 0.001 s did not suffice for a single point" in result.stderr
+    facts = json.loads((tmp_path / "o/bench.json").read_text())
+    assert (facts["status"], facts["budget"]) == ("limit", 1e-3)
 
 
 def test_budgets():

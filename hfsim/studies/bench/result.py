@@ -28,7 +28,8 @@ class Bench(Columns):
     name : str
         Name of the deck.
     status : str
-        ``done``, ``failed`` (no model had a reference) or ``interrupted``.
+        ``done``, ``failed`` (no model had a reference), ``limit`` (the budget did not suffice for a single
+        point) or ``interrupted``.
     duration : float
         Span of the scene [s].
     budget, used : float

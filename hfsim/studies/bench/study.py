@@ -17,6 +17,7 @@ from hfsim.marching.stop import Budget, TimeUp
 from hfsim.scene.build import Scene
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import SolveSpec
+from hfsim.studies.bench.pace import Forecast, Pace
 from hfsim.studies.bench.points import ChannelError, GroupError, Point
 from hfsim.studies.bench.reference import Work, references, solve_of
 from hfsim.studies.bench.result import Bench
@@ -26,16 +27,23 @@ from hfsim.studies.timing import Spread, solved
 
 _TRIAL_SHARE = 0.02
 """Part of the budget after which the first point of a method is stopped, judged by how far it came, and
-put back until its turn: one slow method must not starve the others."""
+put back until its turn: one slow method must not starve the others. What seems to take more than is left is
+tried for as long before it is given up."""
+_LONGER = 4.0
+"""Length of a further trial over that of the last one, in which the pace still quickened."""
 _WARM_UP = 1e-3
 """Part of the duration that each method runs first, so that no point pays for imports and tables."""
 _REPEAT_SHARE = 0.02
 """Part of the budget within which a point is repeated."""
+_UNMEASURED = ("over budget", "skipped")
+"""Status of points that were cut off or never run."""
 _FIRST_GROWTH = 2.0
 """Growth of the cost from one level to the next before it has been seen."""
 
 
-def bench(loaded: LoadedDeck, sweep: Sweep, budget: Budget, executor: Executor | None = None) -> Bench:
+def bench(
+    loaded: LoadedDeck, sweep: Sweep, budget: Budget, executor: Executor | None = None, kept: float = 0.0
+) -> Bench:
     """Measure error and CPU time of every point of a sweep, within a budget.
 
     Parameters
@@ -44,6 +52,8 @@ def bench(loaded: LoadedDeck, sweep: Sweep, budget: Budget, executor: Executor |
         The first reference is made even if it takes longer.
     executor : Executor, optional
         Does the points; references are made here. Without it the points are done here too.
+    kept : float
+        What was kept back for pictures of the budget that is told [s].
 
     Returns
     -------
@@ -67,11 +77,13 @@ def bench(loaded: LoadedDeck, sweep: Sweep, budget: Budget, executor: Executor |
         status = "interrupted"
     if status == "done" and not any(w.truth for w in works):
         status = "failed"
+    elif status == "done" and all(point.status in _UNMEASURED for point in points):
+        status = "limit"
     return Bench(
         name=loaded.deck.name,
         status=status,
         duration=loaded.deck.solve.duration,
-        budget=budget.seconds,
+        budget=budget.seconds + kept,
         used=budget.used,
         cells=tuple(work.cell for work in works),
         points=_in_order(points, sweep),
@@ -96,25 +108,30 @@ class _Series:
         Those still to run.
     costs : list of float
         Wall times of those that ran [s].
-    forecast : float or None
-        Wall time of the next one as its trial showed [s], with `trial` in words.
+    forecast : Forecast or None
+        Wall time of the next one as its trial of so many seconds showed, with `trial` in words.
     """
 
     work: Work
     method: str
     levels: list[float]
     costs: list[float] = field(default_factory=list)
-    forecast: float | None = None
+    forecast: Forecast | None = None
+    tried: float = 0.0
     trial: str = ""
 
     @property
     def expected(self) -> float:
         if self.forecast is not None:
-            return self.forecast
+            return self.forecast.seconds
         if not self.costs:
             return 0.0
         growth = self.costs[-1] / max(self.costs[-2], 1e-9) if len(self.costs) > 1 else _FIRST_GROWTH
         return self.costs[-1] * float(np.clip(growth, 1.1, 10.0))
+
+    @property
+    def why_not(self) -> str:
+        return f"about {self.expected:.2g} s expected" if self.expected else "the budget was used up"
 
     def blank(self, level: float, sweep: Sweep) -> Point:
         """Return the point of a level before it is run."""
@@ -122,16 +139,30 @@ class _Series:
         tolerance, step = (None, level) if sweep.steps else (level, None)
         return Point(cell.model, cell.elements, self.method, tolerance, step, degree=cell.degree)
 
-    def job(self, sweep: Sweep, budget: Budget, left: float) -> _Job:
-        """Return the next level, to be run in the time that is left; a first one is a trial."""
-        blank, trial = self.blank(self.levels[0], sweep), not self.costs and self.forecast is None
+    def allowed(self, budget: Budget, left: float) -> float:
+        """Return how long the next level may run [s]; 0 where it cannot end in the time that is left.
+
+        A first one, and what seems to take more than is left, is a trial; there is no other one where the
+        last one's pace held.
+        """
+        short = _TRIAL_SHARE * budget.seconds
+        if self.expected < left:
+            first = not self.costs and self.forecast is None
+            return min(short, left) if first else left
+        if self.forecast is None:
+            return short if short < left else 0.0
+        longer = min(max(short, _LONGER * self.tried), left)
+        return 0.0 if self.forecast.steady or longer < self.tried else longer
+
+    def job(self, sweep: Sweep, budget: Budget, allowed: float) -> _Job:
+        """Return the next level, to be run in the time allowed."""
+        blank = self.blank(self.levels[0], sweep)
         solve = solve_of(self.work.scene, self.method, self.levels[0], bool(sweep.steps))
-        allowed = min(_TRIAL_SHARE * budget.seconds, left) if trial else left
         return _Job(self.work, blank, solve, sweep.repeats, budget, allowed)
 
     def take(self, tried: _Tried) -> None:
         """Take note of what a level has cost, or of how far it came."""
-        self.forecast, self.trial = tried.forecast, tried.trial
+        self.forecast, self.trial, self.tried = tried.forecast, tried.trial, tried.spent
         if tried.point is not None:
             self.costs.append(tried.spent)
             del self.levels[0]
@@ -179,15 +210,15 @@ class _Tried(NamedTuple):
         Time used by its first solve, and by all [s].
     trial : str
         How it was cut off.
-    forecast : float or None
-        What it would have taken then [s].
+    forecast : Forecast or None
+        What it would have taken then.
     """
 
     point: Point | None
     spent: float = 0.0
     whole: float = 0.0
     trial: str = ""
-    forecast: float | None = None
+    forecast: Forecast | None = None
 
 
 @dataclass
@@ -217,11 +248,11 @@ class _Points:
             left = self.budget.left - sum(one.expected for one in self.under_way.values())
             if series.work.cell.status == "over budget":
                 self.found += series.given_up(self.sweep, series.work.cell.reason)
-            elif left <= series.expected:
-                self.found += series.given_up(self.sweep, f"about {series.expected:.2g} s expected")
+            elif (allowed := series.allowed(self.budget, left)) <= 0.0:
+                self.found += series.given_up(self.sweep, series.why_not)
             else:
                 self.under_way[id(series)] = series
-                self.executor.add(Task(id(series), _try, series.job(self.sweep, self.budget, left)))
+                self.executor.add(Task(id(series), _try, series.job(self.sweep, self.budget, allowed)))
 
     def _take(self, outcome: Outcome) -> None:
         series = self.under_way.pop(outcome.key)
@@ -240,13 +271,13 @@ class _Points:
 def _try(job: _Job) -> _Tried:
     """Run a point, repeatedly if it is short."""
     work, blank, solve, repeats, budget, allowed = job
-    start = budget.used
-    done, cpu = solved(work.scene, solve, budget.guard(allowed))
+    start, pace = budget.used, Pace(budget, allowed)
+    done, cpu = solved(work.scene, solve, pace)
     spent = budget.used - start
     if isinstance(done.stop, KeyboardInterrupt):
         raise done.stop
     if isinstance(done.stop, TimeUp):
-        forecast = max(spent / max(done.stop.share, 1e-6), 1.5 * spent)
+        forecast = pace.forecast(done.stop, spent)
         return _Tried(None, spent, spent, f"{done.stop} after {spent:.2g} s", forecast)
     times = [cpu] if done.stop else _repeated(work.scene, solve, repeats, budget, cpu)
     spread, counts = Spread.of(times), done.problem.counts
