@@ -35,6 +35,7 @@ from hfsim.studies.bench import (
     recommend,
     recommendations,
 )
+from hfsim.studies.bench.points import GroupError
 from hfsim.studies.farm import Farm
 
 
@@ -310,6 +311,18 @@ def test_advice_in_words():
     assert advice([], "1 %", 1e-2) == "for 1 %: nothing was measured"
     floor = [point(0.1, 1e-7, below_floor=True)]
     assert "the reference is not known better" in advice(floor, "1e-9", 1e-9)
+
+
+def test_no_method_is_blamed_for_a_reference_that_is_not_known_better():
+    """Of a chaotic motion every point is off by more than the reference, none below its floor."""
+    rough = {"floor": 0.8, "group_floors": {"motion": 0.8, "rates": 1e-5}}
+    cells = [Cell(model, 4, 10, "done", model_error=0.9, **rough) for model in ("exact", "linear")]
+    groups = {"motion": GroupError(0.9, 0.1, "x", False), "rates": GroupError(0.02, 0.1, "x", False)}
+    told = recommendations(cells, [point(0.1, 0.9, groups=groups, exact_error=0.9)])
+    unknown = "the reference is not known better"
+    assert any(line.startswith(f"exact: motion: for 1 %: {unknown}; best 9.0e-01 with") for line in told)
+    assert any("for 1 % or less: nothing tried reaches it; best 2.0e-02" in line for line in told)
+    assert f"for 1 % of exact: {unknown}" in told
 
 
 def test_the_error_of_the_mesh_counts():

@@ -13,6 +13,7 @@ from hfsim.studies.bench.points import Cell, Point, tidy
 TARGETS = {"1 %": 1e-2, "0.01 %": 1e-4, "1e-6": 1e-6}
 """Errors, relative to the range of the channel, for which a method is recommended."""
 
+_UNKNOWN = "the reference is not known better"
 _BETTER = 0.8
 """Factor by which an error must fall to be worth more time."""
 
@@ -61,11 +62,12 @@ def recommendations(cells: Sequence[Cell], points: Sequence[Point]) -> list[str]
         prefix = f"{model}: " if len(models) > 1 else ""
         lines += [prefix + line for line in _of_model(mine, [p for p in points if p.model == model])]
     others = [cell for cell in cells if cell.model_error is not None]
-    off = f"off {true_model(models)} by"
+    true = true_model(models)
+    off, floor = f"off {true} by", min((c.floor for c in cells if c.model == true and c.floor), default=0.0)
     lines += [f"{c.model}, {c.mesh}: {off} {c.model_error:.1e} in {c.model_channel}" for c in others]
     judged = [replace(p, error=None, total_error=p.exact_error) for p in points]
     targets = TARGETS.items() if others else ()
-    return lines + [model_advice(judged, words, target, _meshes(judged)) for words, target in targets]
+    return lines + [model_advice(judged, words, target, _meshes(judged), floor) for words, target in targets]
 
 
 def _of_model(cells: Sequence[Cell], points: Sequence[Point]) -> Iterator[str]:
@@ -73,21 +75,27 @@ def _of_model(cells: Sequence[Cell], points: Sequence[Point]) -> Iterator[str]:
     groups = next((cell.groups for cell in cells if cell.groups), ())
     mine, prefix = _comparable(points), f"{groups[0]}: " if len(groups) > 1 else ""
     for words, target in TARGETS.items():
-        yield prefix + advice(mine, words, target, _meshes(mine))
+        yield prefix + advice(mine, words, target, _meshes(mine), _floors(cells, groups[:1])[0])
     if groups:
         yield from _scope(cells)
     for group in groups[1:]:
-        floor = max(cell.group_floors[group] for cell in cells if group in cell.group_floors)
-        told = "; ".join(_briefly(_comparable([p.of_group(group) for p in points])))
-        yield f"{group}, error floor {tidy(floor)}: {told}"
+        least, most = _floors(cells, (group,))
+        told = "; ".join(_briefly(_comparable([p.of_group(group) for p in points]), least))
+        yield f"{group}, error floor {tidy(most)}: {told}"
 
 
-def _briefly(points: Sequence[Point]) -> Iterator[str]:
+def _floors(cells: Sequence[Cell], group: Collection[str]) -> tuple[float, float]:
+    """Return the least and the largest floor of a group, 0 without one."""
+    floors = [cell.group_floors[one] for cell in cells for one in group if one in cell.group_floors]
+    return min(floors, default=0.0), max(floors, default=0.0)
+
+
+def _briefly(points: Sequence[Point], floor: float) -> Iterator[str]:
     """Yield what is recommended for each target until one is not reached."""
     for number, (words, target) in enumerate(TARGETS.items()):
         reached = recommend(points, target) is not None
         less = "" if reached or number == len(TARGETS) - 1 else " or less"
-        yield advice(points, words + less, target, _meshes(points))
+        yield advice(points, words + less, target, _meshes(points), floor)
         if not reached:
             return
 
@@ -112,8 +120,20 @@ def _meshes(points: Sequence[Point]) -> bool:
     return len({p.mesh for p in points}) > 1
 
 
-def advice(points: Sequence[Point], words: str, target: float, meshes: bool = False) -> str:
-    """Return the recommendation for one target in a sentence."""
+def advice(
+    points: Sequence[Point], words: str, target: float, meshes: bool = False, floor: float = 0.0
+) -> str:
+    """Return the recommendation for one target in a sentence.
+
+    Parameters
+    ----------
+    words : str
+        The target in words.
+    meshes : bool
+        Whether meshes are to be named.
+    floor : float
+        Error of the reference that is known best [-]: no point is to blame for missing a target below it.
+    """
     best = recommend(points, target)
     if best is not None:
         return f"for {words}: {_setting(best, meshes)}"
@@ -121,27 +141,25 @@ def advice(points: Sequence[Point], words: str, target: float, meshes: bool = Fa
     if not known:
         return f"for {words}: nothing was measured"
     error, most = min(known, key=lambda item: item[0])
-    why = "the reference is not known better" if most.below_floor else "nothing tried reaches it"
+    why = _UNKNOWN if most.below_floor or floor > target else "nothing tried reaches it"
     return f"for {words}: {why}; best {error:.1e} with {_setting(most, meshes)}"
 
 
-def model_advice(points: Sequence[Point], words: str, target: float, meshes: bool = False) -> str:
-    """Return in a sentence the cheapest model for one target, beside the exact one.
+def model_advice(
+    points: Sequence[Point], words: str, target: float, meshes: bool = False, floor: float = 0.0
+) -> str:
+    """Return in a sentence the cheapest model for one target, beside the exact one; see `advice`.
 
     Parameters
     ----------
     points : sequence of Point
         With the error against the exact model as their total one.
-    words : str
-        The target in words.
-    meshes : bool
-        Whether meshes are to be named.
     """
     true = true_model({p.model for p in points})
     best, plain = recommend(points, target), recommend([p for p in points if p.model == true], target)
     head = f"for {words} of {true}:"
     if best is None:
-        return f"{head} no model that was tried reaches it"
+        return f"{head} {_UNKNOWN if floor > target else 'no model that was tried reaches it'}"
     if best.model == true:
         rest = sorted({p.model for p in points if recommend([p], target)} - {true})
         also = f" ({', '.join(rest)} would do too)" if rest else ", no other model suffices"
