@@ -55,11 +55,11 @@ def verify(
 
 def _entries(names: tuple[str, ...], overrides: tuple[str, ...], talk: Talk) -> list[Entry]:
     """Load all decks; names of shipped benchmarks go before files of the same name."""
-    from hfsim.studies.verify import entry_of, published_decks
+    from hfsim.studies.verify import entries_of, entry_of, published_decks
 
     shipped = published_decks()
     files = [str(shipped.get(name, name)) for name in names]
-    return [entry_of(one) for one in load_decks(files, overrides, talk, entry_of)]
+    return entries_of(load_decks(files, overrides, talk, entry_of))
 
 
 def _tell_list(entries: list[Entry], talk: Talk) -> None:

@@ -365,7 +365,7 @@ def verify(
     many = isinstance(decks, Iterable) and not isinstance(decks, Mapping | str | bytes)
     named: Sequence[Any] = list(decks) or list(shipped) if many else [decks]  # type: ignore[arg-type]
     found = (shipped.get(each, each) if isinstance(each, str) else each for each in named)
-    result = study.verify([study.entry_of(load(each)) for each in found], jobs, progress or nobody)
+    result = study.verify(study.entries_of(load(each) for each in found), jobs, progress or nobody)
     if result.interrupted:
         raise Interrupted("interrupted from the keyboard", result)
     return result

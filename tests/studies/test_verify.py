@@ -353,6 +353,19 @@ def deck(tmp_path):
     return path
 
 
+def test_decks_of_one_name_are_told_apart_by_their_files(deck, tmp_path):
+    other = tmp_path / "other" / deck.name
+    other.parent.mkdir()
+    other.write_text(MASS.replace("published: -0.5}", "published: -0.7}"))
+    done = command(deck, other, other, "-o", tmp_path / "out", "--jobs", 1)
+    names = [f"mass ({deck})", f"mass ({other}) (1)", f"mass ({other}) (2)"]
+    assert [line.partition(":")[0] for line in done.stdout.splitlines() if ": closed form" in line] == names
+    facts = json.loads((tmp_path / "out" / "verify.json").read_text())
+    assert [row["deck"] for row in facts["rows"]] == [name for name in names for _ in range(5)]
+    assert list(facts["seconds"]) == names and all(facts["seconds"].values())
+    assert [row["verdict"] for row in facts["rows"]].count("missed") == 2
+
+
 def test_the_command_writes_tables_and_says_what_is_missed(deck, tmp_path):
     done = command(deck, "-o", tmp_path / "out", "--jobs", 2)
     assert done.exit_code == 0, done.output

@@ -17,7 +17,7 @@ class Row:
     Attributes
     ----------
     deck : str
-        Name of the deck.
+        Name of the deck, with its file where several are called so.
     quantity : str
         As the deck writes it.
     variant : mapping of str to object

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -25,6 +25,8 @@ class Entry:
 
     Attributes
     ----------
+    name : str
+        Of the deck; see `entries_of`.
     file : str
         As the user named it.
     """
@@ -113,6 +115,27 @@ def entry_of(loaded: LoadedDeck) -> Entry:
     if loaded.published is None:
         raise loaded.problem("verify", "missing key: nothing is published of it", "see 'hfsim help verify'")
     return Entry(loaded.deck.name, loaded.source.file, loaded.with_numbers())
+
+
+def entries_of(decks: Iterable[LoadedDeck]) -> list[Entry]:
+    """Return decks with their published values, each by a name of its own.
+
+    Of those that are called the same the names have their files too, and a number where these are the same.
+
+    Raises
+    ------
+    DeckError
+        If one has none.
+    """
+    entries = [entry_of(one) for one in decks]
+    for more in (lambda entry, number: entry.file, lambda entry, number: str(number)):
+        names = [entry.name for entry in entries]
+        numbers = [names[: k + 1].count(name) for k, name in enumerate(names)]
+        entries = [
+            replace(entry, name=f"{entry.name} ({more(entry, k)})") if names.count(entry.name) > 1 else entry
+            for entry, k in zip(entries, numbers, strict=True)
+        ]
+    return entries
 
 
 def verify(
