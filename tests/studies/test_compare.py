@@ -166,6 +166,20 @@ def test_two_models_in_the_same_coordinates_check_nothing(own, told):
     assert ("that they agree checks nothing" in text) == told
 
 
+@pytest.mark.parametrize(("exact", "frames", "told"), [
+    (15.0, "frame", "ancf"), (0.1, "frame", "exact"), (15.0, "absolute", "ancf"), (15.0, "", "ancf"),
+])  # fmt: skip
+def test_a_verdict_for_exact_or_ancf_says_that_they_are_one_model(exact, frames, told):
+    runs = [make_run("linear", 0.5), make_run("ancf", cpu=1.0), make_run("exact", cpu=exact)]
+    measured = Measured(coordinates={"exact": frames, "ancf": frames and "absolute"})
+    comparison = compare(runs, "exact", 0.01, measured)
+    assert comparison.verdict == told
+    words = "; exact and ancf are one model: in absolute coordinates exact makes the steps of ancf"
+    assert comparison.sentence.endswith(words) == (frames == "frame")
+    cheap = [replace(runs[0], channels=runs[1].channels, statistics={"cpu_s": {"solve": 0.01}}), *runs[1:]]
+    assert words not in compare(cheap, "exact", 0.01, measured).sentence
+
+
 # --- early ends ----------------------------------------------------------------------------------
 
 

@@ -172,7 +172,7 @@ class Comparison:
             truth = self.result(self.reference)
             failed = f"the reference {self.reference} {truth.why_ended}" if truth.broke_down else ""
             return f"verdict: none, because {failed or 'no channel can be judged'}"
-        return f"verdict: {self._cheapest(self.result(self.verdict))}{self._ties}"
+        return f"verdict: {self._cheapest(self.result(self.verdict))}{self._ties}{self._twins}"
 
     def _cheapest(self, best: ModelResult) -> str:
         bound = f"{100 * self.max_error:.3g} %"
@@ -192,6 +192,14 @@ class Comparison:
         if not self.ties:
             return ""
         return f"; its CPU time ties with that of {' and '.join(self.ties)}, and it leaves out least"
+
+    @property
+    def _twins(self) -> str:
+        """What is to be said of a verdict for exact or ancf whose times differ by their coordinates alone."""
+        twins = {one.model: one.coordinates for one in self.models if one.model in ("exact", "ancf")}
+        if len(twins) < 2 or self.verdict not in twins or twins["exact"] == twins["ancf"]:
+            return ""
+        return "; exact and ancf are one model: in absolute coordinates exact makes the steps of ancf"
 
 
 def _worst_of(result: ModelResult) -> str:
