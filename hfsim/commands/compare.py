@@ -36,14 +36,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be compared, where the results go, and the runs that the older comparison there left."""
+    """What is to be compared, and where the results go."""
 
     argument: str
     overrides: tuple[str, ...]
     prepared: Prepared
     study: Study
     folders: dict[str, RunFolder]
-    outdated: Sequence[RunFolder]
 
 
 @click.command()
@@ -135,7 +134,7 @@ def make_plan(
     FolderError
         If a folder must not be written to.
     """
-    from hfsim.output.runfolder import claim, folder_name, read_summary
+    from hfsim.output.runfolder import COMPARISON, claim, folder_name
     from hfsim.output.writers import Provenance
     from hfsim.parts.bodies.models import MODELS
     from hfsim.studies.compare import chosen_models, prepare, usual_models
@@ -150,16 +149,12 @@ def make_plan(
     prepared = prepare(load, chosen, reference, channels, talk.note)
     path = to.output or Path(folder_name(prepared.decks[reference].deck.name, ".compare"))
     about = Provenance.of(prepared.decks[reference], argument, overrides).facts()
-    own = claim(path, to.force, marker="compare.json")
+    own = claim(path, to.force, COMPARISON)
     # where the comparison there may be replaced, so may its runs
     force = to.force or bool(own.replaces)
     folders = {model: claim(path / folder_name(model, ""), force) for model in prepared.decks}
-    before = read_summary(path, "compare.json").get("models")
-    ran = set(before) & set(MODELS) if isinstance(before, dict) else ()
-    # a link leads to what was put elsewhere on purpose
-    there = [one for model in sorted(ran) if (one := path / model).is_dir() and not one.is_symlink()]
     study = Study("compare", talk, own, to.plots, about, to.format)
-    return Plan(argument, tuple(overrides), prepared, study, folders, [claim(one, force) for one in there])
+    return Plan(argument, tuple(overrides), prepared, study, folders)
 
 
 def do_comparison(
@@ -171,8 +166,6 @@ def do_comparison(
     from hfsim.studies.compare import as_facts, carry_out
 
     plan.study.begin()
-    for run in plan.outdated:
-        run.remove()
     loaded, (max_error, repeats, error_estimate) = plan.prepared.decks[plan.prepared.reference], made
     with (
         workers.executor(loaded.source.texts, timing=True) as executor,

@@ -18,7 +18,7 @@ from hfsim.commands.options import PLACE
 def init(name: str | None, listing: bool, output: Path | None, force: bool) -> None:
     """Write a commented deck, NAME.yaml, to start from: a recipe of the manual or a shipped case.
 
-    Without NAME it is 'swing', an arm that falls about a hinge.
+    Without NAME it is 'swing', an arm that falls about a hinge. With -o - the deck goes to standard output.
     """
     from hfsim.deck.source import did_you_mean
     from hfsim.output.disk import disk, write_text
@@ -35,6 +35,9 @@ def init(name: str | None, listing: bool, output: Path | None, force: bool) -> N
     name = name or "swing"
     if name not in decks:
         raise click.UsageError(f"there is no {name}: {did_you_mean(name, decks)} (--list tells them all)")
+    if output == Path("-"):
+        print_out(decks[name].rstrip("\n"))
+        return
     path = output or Path(f"{name}.yaml")
     if path.exists() and not force:
         raise FolderError(f"{path} is there already; use --force to replace it, or -o FILE")

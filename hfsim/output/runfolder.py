@@ -11,7 +11,7 @@ import json
 import os
 import re
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import field, replace
 from pathlib import Path
@@ -25,6 +25,8 @@ from hfsim.output.disk import disk, write_json
 from hfsim.output.text import printable
 
 SUMMARY = "summary.json"
+COMPARISON = "compare.json"
+SWEEP = "sweep.json"
 _OWN_FILES = ("history.csv", SUMMARY, "resolved.yaml", "run.log", "checkpoint.npz")
 _INNER = ("plots", "vtk")
 _OWN_NAME = re.compile(
@@ -51,18 +53,21 @@ class RunFolder:
         What stands there now and will be replaced, for a message; empty when nothing does.
     stale : tuple of str
         Files of the older run, relative to `path`; the one that tells of it comes first.
+    inside : tuple of RunFolder
+        Folders inside with what an older study has kept of its runs; that goes too, once.
     """
 
     path: Path
     replaces: str = ""
     stale: tuple[str, ...] = ()
+    inside: tuple[RunFolder, ...] = ()
     _lock: int | None = None
 
     def prepare(self, keep: Sequence[str] = (), summary: Mapping[str, Any] | None = None) -> None:
         """Make the folder, hold it against other processes, and remove the files of the older run.
 
         A summary of the new run takes the place of the old one first: at no time are there files that none
-        of the two lists.
+        of the two lists. What an older study has inside goes before the file that tells of it.
 
         Raises
         ------
@@ -78,16 +83,21 @@ class RunFolder:
                 files = list(dict.fromkeys([*summary["files"], *self.stale]))
                 write_json(self.path / SUMMARY, {**summary, "files": files})
                 keep = (*keep, SUMMARY)
-            for name in self.stale:
-                if name not in keep:
-                    (self.path / name).unlink(missing_ok=True)
+            inside, self.inside = self.inside, ()
+            for one in inside:
+                one.remove()
+            gone = [name for name in self.stale if name not in keep]
+            for name in gone:
+                (self.path / name).unlink(missing_ok=True)
+            for parent in {Path(name).parent for name in gone} - {Path()}:
+                with suppress(OSError):  # somebody else's files are there
+                    (self.path / parent).rmdir()
 
     def remove(self) -> None:
         """Remove the files of the older run, and the folders that are empty then."""
         self.prepare()
-        for name in (*_INNER, ""):
-            with suppress(OSError):
-                (self.path / name).rmdir()
+        with suppress(OSError):
+            self.path.rmdir()
         self.release()
 
     def _hold(self) -> None:
@@ -233,7 +243,9 @@ def claim(path: Path, force: bool, marker: str = SUMMARY) -> RunFolder:
         If a finished run or files of unknown origin stand there, or it cannot be written to.
     """
     if str(path) == "-":
-        raise FolderError("only hfsim run, and that alone, writes to standard output; name a folder with -o")
+        raise FolderError(
+            "only results of hfsim run and static, alone, go to standard output; name a folder with -o"
+        )
     try:
         refuse_unwritable(path)
         present = _present(path, marker)
@@ -248,12 +260,40 @@ def claim(path: Path, force: bool, marker: str = SUMMARY) -> RunFolder:
         raise FolderError(
             f"{path} already holds {holds}; use --force to replace it, or -o DIR to go elsewhere"
         )
-    own = (name for name in present if name in _OWN_FILES)  # listed or not
-    others = {one: _listed_files(read_summary(path, one)) for one in (_studies(path) if force else ())}
-    theirs = (name for one, names in others.items() if one in names for name in names)
-    listed = dict.fromkeys([marker, *_listed_files(summary), *theirs, *own])
-    stale = tuple(name for name in listed if os.path.lexists(path / name))
-    return RunFolder(path, replaces=f"a run with status {status}", stale=stale)
+    studies = dict.fromkeys([marker, *(_studies(path) if force else ())])
+    inside = tuple(_inside(path, studies))
+    return RunFolder(path, f"a run with status {status}", _stale(path, studies), inside)
+
+
+def _stale(path: Path, markers: Iterable[str]) -> tuple[str, ...]:
+    """Return the files in a folder of the runs and studies that some files tell of, these first."""
+    first, *others = markers
+    told = {one: _listed_files(read_summary(path, one)) for one in others}
+    theirs = (name for one, names in told.items() if one in names for name in names)
+    listed = dict.fromkeys([first, *_listed_files(read_summary(path, first)), *theirs, *_OWN_FILES])
+    return tuple(name for name in listed if os.path.lexists(path / name))
+
+
+def _inside(path: Path, studies: Collection[str]) -> Iterator[RunFolder]:
+    """Yield the folders inside that of some studies with what they kept of runs, inner ones first."""
+    models = read_summary(path, COMPARISON).get("models") if COMPARISON in studies else None
+    plain = filter(re.compile(r"\w+").fullmatch, models if isinstance(models, dict) else ())
+    runs = [path / name for name in plain]
+    kept = {}
+    if SWEEP in studies:
+        kept = {path / "runs": (), path / "histories": _names(path, "histories/[0-9]*.csv")}
+        runs += [path / "runs" / name for name in _names(path, "runs/[0-9]*")]
+    every = {**{one: _stale(one, [SUMMARY]) for one in runs}, **kept}
+    # a link leads to what was put elsewhere on purpose
+    yield from (RunFolder(one, stale=stale) for one, stale in every.items() if _is_own_folder(one))
+
+
+def _names(path: Path, pattern: str) -> tuple[str, ...]:
+    return tuple(one.name for one in path.glob(pattern) if not one.parent.is_symlink())
+
+
+def _is_own_folder(path: Path) -> bool:
+    return path.is_dir() and not path.is_symlink()
 
 
 def _present(path: Path, marker: str) -> list[str]:

@@ -10,7 +10,6 @@ import os
 import time
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -19,7 +18,7 @@ from hfsim.deck.ranges import written
 from hfsim.errors import HfsimError
 from hfsim.marching.stop import SHIELD
 from hfsim.output.disk import disk, write_json, write_whole
-from hfsim.output.runfolder import FolderError, RunFolder, claim, folder_name
+from hfsim.output.runfolder import SWEEP, FolderError, RunFolder, claim, folder_name
 from hfsim.output.talk import Destination
 from hfsim.output.writers import cell, json_ready, leaves
 from hfsim.studies.sweep.plan import Plan
@@ -62,10 +61,9 @@ class SweepFolder:
         self._places = array("q", [-1]) * plan.count
         self._synced = time.monotonic()
         with disk(self.path):
-            folder.prepare((RUNS, "sweep.json") if resume else ())
+            folder.inside = () if resume else folder.inside
+            folder.prepare((RUNS, SWEEP) if resume else ())
             folder.stale = ()  # what comes now is new
-            if not resume:
-                _clear(self.path)
             (self.path / RUNS).touch()
             self._file = os.open(self.path / RUNS, os.O_RDWR | getattr(os, "O_CLOEXEC", 0))
             self._end = self._read() if resume else 0
@@ -159,8 +157,8 @@ class SweepFolder:
             write_whole(self.path / "sweep.csv", lambda file: file.writelines(lines()))
 
     def _tell(self, status: str) -> None:
-        facts = {"status": status, **self.facts, "files": [RUNS, "sweep.json"]}
-        write_json(self.path / "sweep.json", json_ready(facts)[0])
+        facts = {"status": status, **self.facts, "files": [RUNS, SWEEP]}
+        write_json(self.path / SWEEP, json_ready(facts)[0])
 
     def close(self) -> None:
         """Let go of the folder."""
@@ -172,17 +170,6 @@ def _put(data: bytes, file: BinaryIO) -> None:
     file.write(data)
 
 
-def _clear(path: Path) -> None:
-    """Remove what an older sweep has kept of its runs."""
-    for place in path.glob("histories/[0-9]*.csv"):
-        place.unlink()
-    for place in path.glob("runs/[0-9]*/"):
-        for name in FOLDER_FILES:
-            (place / name).unlink(missing_ok=True)
-        with suppress(OSError):  # somebody else's files are there
-            place.rmdir()
-
-
 def claim_sweep(to: Destination, name: str, resume: bool) -> tuple[RunFolder, bool]:
     """Ask for the folder of a sweep; return it, and whether there is a sweep to go on with.
 
@@ -192,11 +179,11 @@ def claim_sweep(to: Destination, name: str, resume: bool) -> tuple[RunFolder, bo
         If a sweep stands there and is neither to be gone on with nor to be replaced.
     """
     path = to.output or Path(folder_name(name, f".{KIND}"))
-    there = (path / "sweep.json").exists()
+    there = (path / SWEEP).exists()
     if there and not (resume or to.force):
         what = "--resume does what is missing of it, --force replaces it, -o DIR goes elsewhere"
         raise FolderError(f"{path} already holds a sweep: {what}")
-    return claim(path, to.force or (resume and there), "sweep.json"), resume and there
+    return claim(path, to.force or (resume and there), SWEEP), resume and there
 
 
 def refuse_changed(path: Path, facts: Mapping[str, Any]) -> None:
@@ -208,7 +195,7 @@ def refuse_changed(path: Path, facts: Mapping[str, Any]) -> None:
         With the differences.
     """
     try:
-        old = json.loads((path / "sweep.json").read_text(encoding="utf-8"))
+        old = json.loads((path / SWEEP).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         raise ResumeError(f"{path} has no sweep to go on with") from None
     now, then = map(dict, map(leaves, (json_ready(facts)[0], {key: old.get(key) for key in facts})))

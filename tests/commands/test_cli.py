@@ -364,6 +364,18 @@ def test_compare_leaves_no_run_of_a_model_that_is_compared_no_more(scene):
     assert not Path("case.compare/ancf").exists() and not Path("case.compare/exact").exists()
 
 
+def test_another_command_replaces_a_comparison_with_the_runs_inside(scene):
+    call("compare", "linear", "exact", "-o", "there")
+    Path("there/linear/notes.txt").write_text("mine")
+    Path("there/plots/own.png").write_bytes(b"mine")
+    assert call("run", "case.yaml", "--no-plots", "-o", "there").exit_code == 2
+    assert Path("there/exact/plots").exists(), "nothing goes before it may"
+    assert call("run", "case.yaml", "--no-plots", "-o", "there", "--force").exit_code == 0
+    run = {"history.csv", "resolved.yaml", "run.log", "summary.json"}
+    assert files("there") == {*run, "linear/notes.txt", "plots/own.png"}
+    assert not Path("there/exact").exists() and not Path("there/linear/plots").exists()
+
+
 def test_compare_leaves_what_a_link_leads_to(scene):
     call("compare", "linear", "ancf", "--no-plots")
     moved = Path("case.compare/ancf").rename("elsewhere")

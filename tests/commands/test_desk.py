@@ -50,6 +50,8 @@ def test_a_deck_that_is_there_is_not_replaced():
     assert call("init", "swing", "-o", "other.yaml").exit_code == 0
     assert call("init", "swing", "--force").exit_code == 0
     assert Path("swing.yaml").read_text() == Path("other.yaml").read_text()
+    told = call("init", "swing", "-o", "-")
+    assert told.stdout == Path("swing.yaml").read_text() and not Path("-").exists()
     misspelt = call("init", "swnig")
     assert misspelt.exit_code == 2
     assert "did you mean 'swing'" in misspelt.stderr

@@ -242,6 +242,17 @@ def test_parameters_are_varied_and_folders_kept(wheel):
     assert not list((wheel / "wheel.sweep").glob("runs/*"))
 
 
+@pytest.mark.parametrize("kept", ["folders", "histories"])
+def test_another_command_replaces_a_sweep_with_what_it_kept(wheel, kept):
+    assert call("wheel.yaml", "--vary", f"{STIFF}=50,100", "--keep", kept).exit_code == 0
+    (mine := next(wheel.glob("wheel.sweep/*/000002*")).parent / "notes.txt").write_text("mine")
+    run = ["run", "wheel.yaml", "--no-plots", "-o", "wheel.sweep", "--force"]
+    assert CliRunner().invoke(app, run).exit_code == 0
+    left = {path.name for path in (wheel / "wheel.sweep").rglob("*")}
+    files = {"history.csv", "resolved.yaml", "run.log", "summary.json"}
+    assert left == {*files, mine.parent.name, mine.name}
+
+
 def test_pictures(wheel):
     most = ("--collect", "max(hub.angle)", "--no-error-estimate")
     call("wheel.yaml", "--vary", f"{STIFF}=lin(50,150,3)", "-o", "one", *most)
