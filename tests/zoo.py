@@ -158,3 +158,24 @@ initial:
   slider: {position: [0.683974572191, 0.0]}
 solve: {duration: 2.0, tolerance: 1.0e-5}
 """
+
+WHIP = """
+hfsim: 1
+materials: {pom: {density: 1400, youngs_modulus: 3 GPa, bending_damping: 1.0e-4, axial_damping: 1.0e-5}}
+sections: {r: {shape: circle, diameter: 2 cm}}
+bodies:
+  base: {type: rigid, mass: 3, inertia: [0.05, 0.05, 0.08], points: {top: [0, 0, 0.2]}}
+  link: {type: beam, material: pom, section: r, length: 0.7, elements: 2, degree: 2}
+  hand: {type: rigid, mass: 0.4, inertia: [0.001, 0.001, 0.001]}
+joints:
+  yaw: {type: revolute, between: [ground, base], axis: [0, 0, 1]}
+  pitch: {type: revolute, between: [base.top, link.root], axis: [0, 1, 0]}
+  grip: {type: fixed, between: [link.tip, hand]}
+  yawdrive: {type: driver, between: [ground, base], axis: [0, 0, 1],
+    angle: {type: smooth_step, from: 0, to: 1.5, start: 0, end: 0.4}}
+  pitchdrive: {type: servo, between: [base.top, link.root], axis: [0, 1, 0],
+    angle: {expression: "-0.5*sin(4*t)"}, stiffness: 300, damping: 10}
+solve: {method: radau, duration: 0.05, tolerance: 1.0e-5}
+output: {interval: 0.004, channels: [hand.x, link.root.torsion_moment]}
+"""
+"""Of its torsion, Gauss collocation at 1e-8 leaves a fast swing of 6 % undamped; radau damps it."""

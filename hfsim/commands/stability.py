@@ -117,7 +117,8 @@ def stability(
     Every point is put into a class: accurate; wrong (completed, but an error or the energy drift is beyond
     its bound); numerical, model, physical or deck (failed, and what makes it: the classes of 'hfsim run';
     physical also where the scene itself is unstable). The time error is the distance to the same model
-    solved by gauss at tolerance 1e-8, the model error the distance of that solution to exact's. A failed
+    solved by gauss at tolerance 1e-8, the model error the distance of that solution to exact's. Where points
+    are far off, these references are checked by a second solution, or tightened. A failed
     point is a result (exit code 0). Results go to '<deck name>.stability' or to -o DIR.
     """  # fmt: skip
     from hfsim.output.writers import Provenance

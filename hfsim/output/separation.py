@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from hfsim.output.pictures import drawn_by
 from hfsim.output.text import as_table, wrapped
-from hfsim.studies.bench.points import tidy
+from hfsim.studies.agreement import tidy
 from hfsim.studies.separation.results import CSV_COLUMNS, PAPER_RATIO, as_facts, as_rows
 
 if TYPE_CHECKING:

@@ -20,7 +20,8 @@ from hfsim.errors import HfsimError
 from hfsim.marching.stop import Progress, nobody
 from hfsim.scene.loading import parse_deck
 from hfsim.studies.farm import Executor, Farm, Outcome, Task
-from hfsim.studies.stability.trials import Job, solve_point, solve_reference
+from hfsim.studies.stability.references import check_reference, solve_reference
+from hfsim.studies.stability.trials import Job, solve_point
 from hfsim.studies.stability.verdict import (
     CLASSES,
     NO_TRIAL,
@@ -30,7 +31,6 @@ from hfsim.studies.stability.verdict import (
     Truth,
     Verdict,
     classify,
-    distance,
 )
 
 EXPECTED = "expected.yaml"
@@ -94,6 +94,12 @@ class Expectation:
     sound: bool = True
     item: str = ""
 
+    @property
+    def bounds(self) -> Bounds:
+        """The bounds that references must tell its run from."""
+        usual = Bounds()
+        return replace(usual, error=min(self.error or usual.error, usual.error))
+
 
 @dataclass(frozen=True)
 class Found:
@@ -146,6 +152,10 @@ class Case:
         ):
             if bound is not None and (value is None or value > bound):
                 lines.append(f"{what} {value if value is None else format(value, '.2g')} above {bound:g}")
+                if what == "error" and verdict.time_within[0] <= bound:
+                    floor = verdict.reference_floor
+                    known = "that nothing bears out" if floor is None else f"itself known to {floor:.2g}"
+                    lines[-1] += f" against a reference {known}"
         lines += [
             f"{f.channel} {f.value:.9g}, expected {f.expected:.9g} within {f.within:g} ({f.source})"
             for f in self.found
@@ -224,23 +234,30 @@ def examine(order: tuple[Job, Expectation]) -> Case:
     job, expectation = order
     start, solve = time.perf_counter(), parse_deck(job.text, job.file, job.overrides).deck.solve
 
-    def truth_of(model: str) -> Truth:
-        left = max(job.limit - (time.perf_counter() - start), 0.1)
-        return solve_reference(replace(job, model=model, limit=left, disturbed=model == TRUTH_MODEL))
+    def left(model: str) -> Job:
+        return replace(job, model=model, limit=max(job.limit - (time.perf_counter() - start), 0.1))
 
     limit = (1 - _REFERENCE_SHARE) * job.limit
     trial = solve_point(replace(job, model=solve.model, method=solve.method, limit=limit, diagnosed=True))
-    exact = truth_of(TRUTH_MODEL)
-    return judged(expectation, trial, exact if solve.model == TRUTH_MODEL else truth_of(solve.model), exact)
+    truths: dict[str, Truth] = {}
+    for model in dict.fromkeys((TRUTH_MODEL, solve.model)):
+        truths[model] = solve_reference(replace(left(model), disturbed=model == TRUTH_MODEL))
+    first = _verdict(trial, truths[solve.model], truths[TRUTH_MODEL], expectation.bounds)
+    for model in first.references(solve.model):
+        truths[model] = check_reference(
+            replace(left(model), truth=truths[model], bound=expectation.bounds.error)
+        )
+    return judged(expectation, trial, truths[solve.model], truths[TRUTH_MODEL])
 
 
 def judged(expectation: Expectation, trial: Trial, truth: Truth, exact: Truth) -> Case:
     """Return the case of a deck from its run and its references."""
-    if trial.status == "done" and truth.status == "done":
-        error, channel = distance(trial.channels, truth.channels, truth.scales)
-        trial = replace(trial, error=error, channel=channel)
-    verdict = classify(trial, truth, exact, Bounds())
+    verdict = _verdict(trial, truth, exact, Bounds())
     return Case(expectation, verdict, replace(trial, channels=(), times=None), _values(expectation, trial))
+
+
+def _verdict(trial: Trial, truth: Truth, exact: Truth, bounds: Bounds) -> Verdict:
+    return classify(trial.against(truth), truth, exact, bounds)
 
 
 def _values(expectation: Expectation, trial: Trial) -> tuple[Found, ...]:

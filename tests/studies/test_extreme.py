@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 from called import call
+from zoo import WHIP
 
 from hfsim.commands.extreme import FOLDER
 from hfsim.scene.loading import load_deck
@@ -13,9 +14,11 @@ from hfsim.studies.extreme import (
     Expectation,
     ExpectationError,
     Found,
+    examine,
     extreme_set,
     read_expectations,
 )
+from hfsim.studies.stability.trials import Job
 from hfsim.studies.stability.verdict import Trial, Verdict
 
 
@@ -49,6 +52,17 @@ GOOD = Case(WANTED, Verdict("accurate", time_error=1e-4, energy_drift=1e-7), Tri
 def test_what_counts_as_missed(case, words):
     assert words in " ".join(case.misses)
     assert bool(case.misses) == bool(words)
+
+
+def test_a_deck_is_not_missed_because_its_reference_is_off():
+    """The same bound is told from a reference that is far off, and from one that is known better."""
+    job = Job(WHIP, "whip.yaml", (), "exact", 20.0, tolerance=1e-8)
+    assert examine((job, Expectation("whip", "accurate", 1e-3))).misses == []
+    far = Verdict("accurate", time_error=5e-3, energy_drift=0.0, time_within=(0.0, 1e-2))
+    told = "error 0.005 above 0.001 against a reference "
+    assert replace(GOOD, verdict=far).misses == [f"{told}that nothing bears out"]
+    far = replace(far, reference_floor=4.5e-3)
+    assert replace(GOOD, verdict=far).misses == [f"{told}itself known to 0.0045"]
 
 
 def write(folder, expectation):

@@ -14,10 +14,12 @@ import click
 import numpy as np
 import pytest
 from called import call
-from zoo import DEAD_CENTRE
+from zoo import DEAD_CENTRE, WHIP
 
 from hfsim.errors import DeckError
+from hfsim.marching.distance import ChannelScale
 from hfsim.marching.integration import run_integration
+from hfsim.marching.solution import Channel
 from hfsim.output.stability import map_text
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
@@ -26,9 +28,10 @@ from hfsim.studies.axes import NAMED, AxisError, parse_values, point_overrides, 
 from hfsim.studies.farm import Farm, Here, JobLostError, Task
 from hfsim.studies.stability.mapper import Mapper
 from hfsim.studies.stability.maps import stability_map
+from hfsim.studies.stability.references import check_reference, solve_reference
 from hfsim.studies.stability.results import Plan
-from hfsim.studies.stability.trials import Job, solve_point, solve_reference
-from hfsim.studies.stability.verdict import Bounds, Trial, Truth, classify
+from hfsim.studies.stability.trials import Job, solve_point
+from hfsim.studies.stability.verdict import Bounds, Distance, Trial, Truth, classify, distance
 from hfsim.trust import growth
 from hfsim.trust.growth import UNSTABLE, growth_of
 
@@ -218,14 +221,15 @@ DONE, FAILED, LOST = (
 )
 WILD = Truth("done", "physical", "it grows", item="loads.push", growth=1e4)
 DEAD = Truth("failed", "physical", "a dead centre", 0.5, "joints.push")
-GOOD = Trial("done", error=1e-5, drift=1e-6)
+GOOD = Trial("done", distance=Distance(1e-5, "x", (1e-5, 1e-5)), drift=1e-6)
+FAR = replace(GOOD, distance=Distance(0.5, "x", (0.5, 0.5)))
 
 
 @pytest.mark.parametrize(
     ("trial", "truth", "exact", "outcome"),
     [
         (GOOD, DONE, DONE, "accurate"),
-        (replace(GOOD, error=0.5), DONE, DONE, "wrong"),
+        (FAR, DONE, DONE, "wrong"),
         (replace(GOOD, drift=0.5), DONE, DONE, "wrong"),
         (GOOD, FAILED, DONE, "wrong"),
         (GOOD, WILD, WILD, "physical"),
@@ -261,7 +265,7 @@ def test_when_a_point_fails_is_told_once():
 def test_what_is_wrong_has_its_cause():
     """With a small time error it is the model that leaves the truth or loses energy; exact cannot."""
     found = {
-        "time": classify(replace(GOOD, error=0.5), DONE, DONE, Bounds()),
+        "time": classify(FAR, DONE, DONE, Bounds()),
         "drift": classify(replace(GOOD, drift=0.5), DONE, DONE, Bounds()),
         "truncated": classify(replace(GOOD, drift=0.5), DONE, replace(DONE), Bounds()),
         "beyond": classify(GOOD, FAILED, DONE, Bounds()),
@@ -286,8 +290,66 @@ def test_a_reference_is_another_discretisation():
     text = WHEEL.replace("duration: 20.0", "duration: 6.0")
     job = Job(text, "wheel.yaml", (), "exact", 20.0, method="gauss")
     truth = solve_reference(job)
-    trial = solve_point(replace(job, truth=truth))
-    assert trial.steps == 1 and 0.0 < trial.error < 1e-10
+    trial = solve_point(replace(job, truth=truth)).against(truth)
+    assert trial.steps == 1 and 0.0 < trial.distance.error < 1e-10
+
+
+def test_a_point_is_not_wrong_because_its_reference_is():
+    (point,) = stability_map(parse_deck(WHIP), plan(methods=("radau",))).points
+    assert point.outcome == "accurate", point
+    assert point.verdict.time_error < 1e-3 and point.verdict.reference_floor < 1e-3
+
+
+def lone(values, truth=None):
+    """Return a channel, or a reference of it that is off as told."""
+    values = np.asarray(values, dtype=float)
+    scale = ChannelScale("x", "m", np.ptp(values), np.ptp(values), False, True)
+    return Truth("done", "", "", 1.0, "", (Channel("x", "m", values),), (scale,), **truth or {})
+
+
+@pytest.mark.parametrize(
+    ("off", "floors", "within", "outcome"),
+    [
+        (0.004, None, (0.0, 0.008), "accurate"),
+        (0.008, None, (0.0, 0.016), "no result"),
+        (0.5, None, (0.0, 1.0), "no result"),
+        (0.5, {"x": 0.02}, (0.48, 0.52), "wrong"),
+        (0.02, {"x": 0.015}, (0.005, 0.035), "no result"),
+        (0.008, {"x": 0.001}, (0.007, 0.009), "accurate"),
+    ],
+)
+def test_a_reference_judges_as_well_as_it_is_known(off, floors, within, outcome):
+    """What nothing has borne out may be as far off as the point is from it."""
+    truth = lone([0.0, 1.0], {"floors": floors})
+    trial = Trial("done", drift=0.0, channels=lone([0.0, 1.0 + off]).channels).against(truth)
+    assert trial.distance.within == pytest.approx(within)
+    verdict = classify(trial, truth, truth, Bounds())
+    assert verdict.outcome == outcome
+    assert verdict.references("exact") == (("exact",) if outcome == "no result" else ())
+    assert ("reference" in verdict.reason) == (outcome == "no result")
+
+
+def test_models_are_as_far_apart_as_both_references_tell():
+    own, exact = lone([0.0, 2.0], {"floors": {"x": 0.1}}), lone([0.0, 1.0], {"floors": {"x": 0.3}})
+    assert distance(own.channels, exact, own).within == pytest.approx((0.5, 1.5))
+    trial = Trial("done", drift=0.0, channels=own.channels).against(own)
+    found = classify(trial, own, replace(exact, floors=None), Bounds())
+    assert found.outcome == "no result" and set(found.references("linear")) == {"linear", "exact"}
+
+
+def test_a_reference_is_solved_again_and_tighter_until_it_tells():
+    job = Job(WHEEL.replace("duration: 20.0", "duration: 2.0"), "wheel.yaml", (), "exact", 20.0)
+    sound = solve_reference(job)
+    checked = check_reference(replace(job, truth=sound))
+    assert checked.channels is sound.channels and 0.0 < checked.floor < 1e-6
+    assert checked.how.startswith("gauss (14 stages, tolerance 1e-8) against radau")
+    (angle,) = sound.channels
+    spoilt = replace(sound, channels=(angle._replace(values=1.02 * angle.values),))
+    better = check_reference(replace(job, truth=spoilt))
+    assert better.floor < 1e-6 and better.how.startswith("gauss (16 stages, tolerance 1e-9) against radau")
+    assert better.channels[0].values == pytest.approx(angle.values, rel=1e-6)
+    late = check_reference(replace(job, truth=sound, limit=0.0))
+    assert late.checked and late.floor is None and "after 0 s" in late.doubt
 
 
 def test_drifting_apart_is_no_instability():

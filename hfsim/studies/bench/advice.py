@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from hfsim.parts.bodies.models import MODELS
-from hfsim.studies.bench.points import Cell, Point, tidy
+from hfsim.studies.agreement import tidy
+from hfsim.studies.bench.points import Cell, Point
 
 TARGETS = {"1 %": 1e-2, "0.01 %": 1e-4, "1e-6": 1e-6}
 """Errors, relative to the range of the channel, for which a method is recommended."""

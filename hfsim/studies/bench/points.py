@@ -9,17 +9,7 @@ import numpy as np
 
 from hfsim.marching.distance import GROUPS, ChannelScale, gap, group_of
 from hfsim.maths.arrays import Array
-
-
-def tidy(number: float) -> str:
-    """Return a number with one digit.
-
-    Examples
-    --------
-    >>> tidy(1e-7), tidy(3.2e-11)
-    ('1e-7', '3e-11')
-    """
-    return f"{number:.0e}".replace("e-0", "e-").replace("e+0", "e+")
+from hfsim.studies.agreement import tidy
 
 
 def mesh_words(elements: int, degree: int) -> str:

@@ -6,32 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-import numpy as np
-
 from hfsim.errors import HfsimError
 from hfsim.marching.alike import alike
-from hfsim.marching.distance import ChannelScale, gap, group_of, reference_scales
-from hfsim.marching.sampling import compute_channels, sample
+from hfsim.marching.distance import group_of
 from hfsim.marching.solution import Channel
-from hfsim.marching.stop import Budget, Progress, TimeUp
+from hfsim.marching.stop import Budget
 from hfsim.parts.bodies import BeamSpec
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
-from hfsim.scene.schema import SolveSpec
+from hfsim.studies.agreement import ROUND_OFF, Agreement, agreements
 from hfsim.studies.bench.advice import true_model
-from hfsim.studies.bench.points import Cell, ChannelError, channel_error, groups_of, observed_order, tidy
+from hfsim.studies.bench.points import Cell, ChannelError, channel_error, groups_of, observed_order
 from hfsim.studies.bench.sweep import Sweep, with_mesh
-from hfsim.studies.timing import solved
-
-LADDER = (1e-7, 1e-9, 1e-11, 1e-13)
-"""Tolerances of the reference, tried in this order."""
-
-REFERENCES = (("gauss", 16, 1.0), ("radau", 16, 0.1))
-"""The two methods that must agree, each with its stages and a factor on the tolerance; the first one
-gives the reference."""
-
-ROUND_OFF = 1e-14
-"""Relative error that no reference is trusted below, however well its two methods agree."""
 
 _ENOUGH = 1e-12
 """Agreement of the first group of channels at which the reference is refined no more."""
@@ -41,18 +27,10 @@ _SHARE = 0.5
 """Part of the budget that all references may take."""
 _IN_TIME_SHARE = 0.6
 """Part of that for the references of the meshes asked for; the rest is for the finer mesh."""
-_GROWTH = 2.5
-"""Growth of the cost of a reference from one rung of `LADDER` to the next."""
 
 
-@dataclass(frozen=True)
-class Truth:
-    """A reference: its channels, what errors are divided by, and how far its two methods differ."""
-
-    channels: tuple[Channel, ...]
-    scales: tuple[ChannelScale, ...]
-    floors: dict[str, float]
-    how: str
+class Truth(Agreement):
+    """A reference that two methods agree on, and the errors of other channels against it."""
 
     @property
     def group_floors(self) -> dict[str, float]:
@@ -151,46 +129,11 @@ def _cell_work(loaded: LoadedDeck, model: str, budget: Budget, allowed: float, m
     beams = [spec for spec in scene.deck.bodies.values() if isinstance(spec, BeamSpec)]
     elements, degree = max((b.elements for b in beams), default=0), max((b.degree for b in beams), default=3)
     cell = Cell(model, elements, scene.system.n, "over budget", "no time for a reference", degree)
-    work, end = Work(cell, scene), budget.used + allowed
-    for level in LADDER:
-        start = budget.used
-        left = np.inf if must and level == LADDER[0] else end - start
-        try:
-            found, cpu = _agreement(scene, level, budget.guard(left))
-        except TimeUp:
-            break
-        if not work.take(found, cpu) or budget.used + _GROWTH * (budget.used - start) > end:
+    work = Work(cell, scene)
+    for found, cpu in agreements(scene, budget, allowed, must):
+        if not work.take(found if isinstance(found, HfsimError) else Truth(**vars(found)), cpu):
             break
     return work
-
-
-def solve_of(scene: Scene, method: str, level: float, fixed: bool, stages: int | None = None) -> SolveSpec:
-    """Return how to solve a scene with a method at a tolerance, or with a fixed step."""
-    asked = {"step": level} if fixed else {"tolerance": level, "step": None}
-    # stages and order of the deck are kept where a point uses the deck's own method
-    own = scene.deck.solve.method == method and stages is None
-    options = {} if own else {"stages": stages, "order": None}
-    return scene.deck.solve.model_copy(update={"method": method, **asked, **options})
-
-
-def _agreement(scene: Scene, tolerance: float, guard: Progress) -> tuple[Truth | HfsimError, float]:
-    """Solve by two methods; return the first with its distance to the second, and the CPU time [s]."""
-    runs, spent = [], 0.0
-    for method, stages, factor in REFERENCES:
-        done, cpu = solved(scene, solve_of(scene, method, factor * tolerance, False, stages), guard)
-        spent += cpu
-        if isinstance(done.in_time().stop, HfsimError):
-            return done.stop, spent  # type: ignore[return-value]
-        samples = sample(scene, done.trajectory)
-        runs.append(compute_channels(samples))
-    channels, others = runs
-    scales = reference_scales(samples, channels)
-    floors = {
-        scale.channel: max(ROUND_OFF, gap(one.values, two.values).largest / scale.scale)
-        for scale, one, two in zip(scales, channels, alike(others, channels), strict=True)
-    }
-    how = (f"{m} ({stages} stages, tolerance {tidy(factor * tolerance)})" for m, stages, factor in REFERENCES)
-    return Truth(channels, scales, floors, " against ".join(how)), spent
 
 
 # --- of finer meshes, and of the exact model ------------------------------------------------------

@@ -17,9 +17,10 @@ from hfsim.marching.stop import Budget, TimeUp
 from hfsim.scene.build import Scene
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import SolveSpec
+from hfsim.studies.agreement import solve_of
 from hfsim.studies.bench.pace import Forecast, Pace
 from hfsim.studies.bench.points import ChannelError, GroupError, Point
-from hfsim.studies.bench.reference import Work, references, solve_of
+from hfsim.studies.bench.reference import Work, references
 from hfsim.studies.bench.result import Bench
 from hfsim.studies.bench.sweep import Sweep
 from hfsim.studies.farm import Executor, Here, Outcome, Task

@@ -12,7 +12,7 @@ from hfsim.marching.integration import Leg
 from hfsim.marching.record import Record
 from hfsim.marching.solution import Run
 from hfsim.simulate import assess
-from hfsim.studies.bench.points import tidy
+from hfsim.studies.agreement import tidy
 from hfsim.studies.refine.level import Level
 from hfsim.studies.refine.search import SAFETY, Search
 from hfsim.studies.refine.setting import fixed_meshes

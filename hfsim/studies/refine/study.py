@@ -9,7 +9,7 @@ from hfsim.errors import interruption_words
 from hfsim.marching.solution import Run
 from hfsim.marching.stop import Budget, Halted, Progress
 from hfsim.scene.loading import LoadedDeck
-from hfsim.studies.bench.points import tidy
+from hfsim.studies.agreement import tidy
 from hfsim.studies.refine.part import Part
 from hfsim.studies.refine.result import concluded
 from hfsim.studies.refine.search import Search

@@ -13,8 +13,9 @@ from hfsim.marching.stop import Progress, nobody
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.axes import point_overrides
 from hfsim.studies.farm import Executor, Farm, Outcome, Task
+from hfsim.studies.stability.references import check_reference, solve_reference
 from hfsim.studies.stability.results import MapPoint, Plan, Wanted
-from hfsim.studies.stability.trials import Job, solve_point, solve_reference
+from hfsim.studies.stability.trials import Job, solve_point
 from hfsim.studies.stability.verdict import REFUSED, TRUTH_MODEL, Trial, Truth, Verdict, classify
 
 _PATIENCE = 3.0
@@ -33,11 +34,17 @@ class _Cell:
         What waits for references.
     truths : dict of str to Truth or None
         Reference of each model asked for; None until it is there.
+    checks : set of str
+        Models whose reference is being checked, or has been.
+    tried : list of points
+        What has run.
     """
 
     overrides: tuple[str, ...]
     waiting: list[tuple[Wanted, Job]] = field(default_factory=list)
     truths: dict[str, Truth | None] = field(default_factory=dict)
+    checks: set[str] = field(default_factory=set)
+    tried: list[Wanted] = field(default_factory=list)
 
     def truth(self, model: str) -> Truth:
         """Return a reference that is there."""
@@ -98,7 +105,7 @@ class Mapper:
         self._farm.serve(take)
         for one in asked:
             if self._found[one].outcome == "not computed":
-                unreached = Verdict("not computed", self._farm.why_unreached)
+                unreached = replace(self._found[one].verdict, reason=self._farm.why_unreached)
                 self._found[one] = replace(self._found[one], verdict=unreached)
         return {one: self._found[one] for one in asked}
 
@@ -128,11 +135,15 @@ class Mapper:
         return self._cells[key]
 
     def _ask_reference(self, cell: _Cell, model: str) -> None:
-        limit = _PATIENCE * self._plan.limit
-        job = replace(self._job, overrides=cell.overrides, model=model, limit=limit)
-        job = replace(job, disturbed=model == TRUTH_MODEL)
+        job = replace(self._reference_job(cell, model), disturbed=model == TRUTH_MODEL)
         cell.truths[model] = None
-        self._farm.add(Task(partial(self._take_reference, cell, model), solve_reference, job, limit))
+        self._farm.add(Task(partial(self._take_reference, cell, model), solve_reference, job, job.limit))
+
+    def _reference_job(self, cell: _Cell, model: str) -> Job:
+        return replace(
+            self._job, overrides=cell.overrides, model=model, limit=_PATIENCE * self._plan.limit,
+            bound=self._plan.bounds.error,
+        )  # fmt: skip
 
     def _take_reference(self, cell: _Cell, model: str, outcome: Outcome) -> None:
         cell.truths[model] = outcome.value or Truth("lost", reason=outcome.lost)
@@ -150,8 +161,36 @@ class Mapper:
         cell.waiting.clear()
 
     def _take_point(self, one: Wanted, cell: _Cell, outcome: Outcome) -> None:
-        self._farm.patient = False
         trial = outcome.value or Trial("lost", reason=outcome.lost)
-        truths = cell.truth(one[1]), cell.truth(TRUTH_MODEL)
+        self._found[one] = replace(self._found[one], trial=trial)
+        cell.tried.append(one)
+        self._judge(one, cell)
+
+    def _judge(self, one: Wanted, cell: _Cell) -> None:
+        """Put a point into a class, unless references are to be checked for that."""
+        model = one[1]
+        truths = cell.truth(model), cell.truth(TRUTH_MODEL)
+        trial = self._found[one].trial.against(truths[0])
         verdict = classify(trial, *truths, self._plan.bounds)
+        decisive = verdict.references(model) if verdict.outcome != "physical" else ()
+        needed = [name for name in decisive if not cell.truth(name).checked]
+        for name in needed:
+            self._ask_check(cell, name)
+        if needed:
+            verdict = replace(verdict, outcome="not computed")
+        else:
+            self._farm.patient = False
         self._found[one] = replace(self._found[one], verdict=verdict, trial=trial)
+
+    def _ask_check(self, cell: _Cell, model: str) -> None:
+        """Have a reference checked, once, before everything else."""
+        if model not in cell.checks:
+            cell.checks.add(model)
+            job = replace(self._reference_job(cell, model), truth=cell.truth(model))
+            take = partial(self._take_check, cell, model)
+            self._farm.add(Task(take, check_reference, job, job.limit), first=True)
+
+    def _take_check(self, cell: _Cell, model: str, outcome: Outcome) -> None:
+        cell.truths[model] = outcome.value or replace(cell.truth(model), doubt=outcome.lost)
+        for one in cell.tried:
+            self._judge(one, cell)

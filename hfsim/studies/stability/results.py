@@ -84,7 +84,10 @@ class MapPoint:
         }
 
 
-_OF_VERDICT = ("time_error", "model_error", "energy_drift", "growth", "channel", "cause", "item", "reason")
+_OF_VERDICT = (
+    "time_error", "model_error", "energy_drift", "growth", "reference_floor", "channel", "cause", "item",
+    "reason",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

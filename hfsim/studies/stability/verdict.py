@@ -4,13 +4,17 @@ Two errors are told apart.  The *time error* is the distance to the same model s
 collocation at a tight tolerance: what the method and its step do.  The *model error* is the distance of
 that solution to the one of `exact`: what the model leaves out.  Both are the largest over time in the
 worst channel, relative to the channel's scale (`hfsim.marching.distance`).
+
+A reference has errors of its own.  One that nothing has borne out may be as far off as a point is from it;
+once a second solution has been made, it is as far off as the two differ.  A point whose error may be on
+either side of a bound is not called wrong: it is unsure.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from hfsim.marching.alike import alike
 from hfsim.marching.distance import ChannelScale, farthest, gap
@@ -24,7 +28,7 @@ CLASSES = {
     "model": "the model failed, and exact goes through",
     "physical": "the scene itself fails or is unstable: a tiny disturbance grows, whatever method and model",
     "deck": "the numbers or joints of the deck make it: refused, not finite, redundant, without mass",
-    "no result": "no answer: time limit, crash or no reference",
+    "no result": "no answer: time limit, crash, no reference, or none that is known well enough",
     "not computed": "not reached: the budget was used up, or a signal ended the study",
 }
 """Classes of points, in words."""
@@ -81,11 +85,66 @@ class Truth(Ending):
     ----------
     growth : float or None
         Factor by which a tiny disturbance grows while the time doubles, at most; None if not asked for.
+    floors : dict of str to float or None
+        How far a second solution is from it by channel, over its scales [-]; None before there is one.
+    how : str
+        How it was solved, or both were.
+    doubt : str
+        Why there is no second solution, where one was tried.
     """
 
     channels: tuple[Channel, ...] = ()
     scales: tuple[ChannelScale, ...] = ()
     growth: float | None = None
+    floors: dict[str, float] | None = field(default=None, repr=False)
+    how: str = ""
+    doubt: str = ""
+
+    @property
+    def checked(self) -> bool:
+        """Whether a second solution has been tried."""
+        return self.floors is not None or bool(self.doubt)
+
+    @property
+    def floor(self) -> float | None:
+        """How far the two solutions differ in the worst channel that counts [-]; None without a second."""
+        if self.floors is None:
+            return None
+        return max((self.floors[one.channel] for one in self.scales if one.judged), default=0.0)
+
+    @property
+    def words(self) -> str:
+        """How well it is known."""
+        known = f"itself known to {self.floor:.2g}" if self.floors is not None else "that no second bears out"
+        return f"{known} ({self.doubt or self.how})" if self.checked else known
+
+    def own_error(self, channel: str, scale: float) -> float | None:
+        """Return how far off it may be in a channel, over a scale [-]; None where that is not known."""
+        if self.floors is None:
+            return None
+        own = next(one.scale for one in self.scales if one.channel == channel)
+        return self.floors[channel] * own / scale
+
+
+class Distance(NamedTuple):
+    """How far a solution is from a reference.
+
+    Attributes
+    ----------
+    error : float or None
+        Largest relative difference of all judged channels [-]; None without any.
+    channel : str
+        Where that is.
+    within : (float, float)
+        Least and most that it is, by what is known of the reference [-].
+    """
+
+    error: float | None = None
+    channel: str = ""
+    within: tuple[float, float] = (0.0, 0.0)
+
+
+_NOWHERE = Distance()
 
 
 @dataclass(frozen=True)
@@ -94,8 +153,8 @@ class Trial(Ending):
 
     Attributes
     ----------
-    error : float or None
-        Time error [-], with `channel`, the worst one.
+    distance : Distance
+        From the reference of its model: the time error.
     drift : float or None
         Energy drift [-].
     cpu : float
@@ -104,13 +163,18 @@ class Trial(Ending):
         The output and its times [s].
     """
 
-    error: float | None = None
-    channel: str = ""
+    distance: Distance = _NOWHERE
     drift: float | None = None
     steps: int = 0
     cpu: float = 0.0
     channels: tuple[Channel, ...] = field(default=(), repr=False)
     times: Array | None = field(default=None, repr=False)
+
+    def against(self, truth: Truth) -> Trial:
+        """Return it with its distance from a reference, if both reached the end."""
+        if self.status != "done" or truth.status != "done":
+            return self
+        return replace(self, distance=distance(self.channels, truth))
 
 
 NO_TRIAL = Trial()
@@ -134,6 +198,13 @@ class Verdict:
         Measured values [-]; None where there is none.
     channel : str
         The channel with the larger of the two errors.
+    reference_floor : float or None
+        How well the references are known that decided, in their worst channel [-]; None where nothing depends
+        on it, and they were not solved twice.
+    time_within : (float, float)
+        Least and most that the time error is, by what is known of the reference [-].
+    unsure : tuple of str
+        Errors of which the references do not tell on which side of the bound they are: ``time``, ``model``.
     """
 
     outcome: str
@@ -145,21 +216,37 @@ class Verdict:
     energy_drift: float | None = None
     growth: float | None = None
     channel: str = ""
+    reference_floor: float | None = None
+    time_within: tuple[float, float] = (0.0, 0.0)
+    unsure: tuple[str, ...] = ()
+
+    def references(self, model: str) -> tuple[str, ...]:
+        """Return whose references decide what is unsure of a point of a model."""
+        return tuple({model, TRUTH_MODEL} if "model" in self.unsure else {model} if self.unsure else ())
 
 
-def distance(
-    channels: tuple[Channel, ...], truth: tuple[Channel, ...], scales: tuple[ChannelScale, ...]
-) -> tuple[float | None, str]:
-    """Return the largest relative difference of all judged channels, and in which; None without any."""
-    true = {channel.name: channel.values for channel in truth}
-    scale = {one.channel: one.scale for one in scales if one.judged}
+def distance(channels: tuple[Channel, ...], truth: Truth, own: Truth | None = None) -> Distance:
+    """Return how far channels are from a reference, both up to as much as they are off themselves.
+
+    Parameters
+    ----------
+    own : Truth, optional
+        What the channels are of, where they are a reference too; without it they are what they are.
+    """
+    true = {channel.name: channel.values for channel in truth.channels}
+    scale = {one.channel: one.scale for one in truth.scales if one.judged}
     errors = {
         c.name: gap(c.values, true[c.name]).largest / scale[c.name]
-        for c in alike(channels, truth)
+        for c in alike(channels, truth.channels)
         if c.name in scale and len(true[c.name]) == len(c.values)
     }
     worst, error = farthest(errors)
-    return error, worst
+    least = most = 0.0
+    for name, found in errors.items():
+        known = [one.own_error(name, scale[name]) for one in (truth, own) if one is not None]
+        off = found if None in known else sum(filter(None, known))
+        least, most = max(least, found - off), max(most, found + off)
+    return Distance(error, worst, (least, most))
 
 
 def classify(trial: Trial, truth: Truth, exact: Truth, bounds: Bounds) -> Verdict:
@@ -213,41 +300,58 @@ def _completed(trial: Trial, truth: Truth, exact: Truth, bounds: Bounds) -> Verd
         cause = "model" if exact.status == "done" else exact.kind
         facts: Mapping[str, Any] = {"energy_drift": trial.drift, "growth": exact.growth}
         return Verdict("wrong", where, cause, truth.item, **facts)
-    model_error, channel = _model_error(truth, exact)
+    model, floors = _model_distance(truth, exact), (truth.floor, exact.floor)
+    errors = {"time": trial.distance, "model": model}
+    unsure = tuple(what for what, one in errors.items() if one.within[0] <= bounds.error < one.within[1])
+    nearer = (trial.distance.error or 0.0) >= (model.error or 0.0)
     facts = {
-        "time_error": trial.error,
-        "model_error": model_error,
+        "unsure": unsure,
+        "time_error": trial.distance.error,
+        "model_error": model.error,
         "energy_drift": trial.drift,
         "growth": exact.growth,
-        "channel": trial.channel if (trial.error or 0.0) >= (model_error or 0.0) else channel,
+        "channel": (trial.distance if nearer else model).channel,
+        "time_within": trial.distance.within,
+        "reference_floor": max((one for one in floors if one is not None), default=None),
     }
     if truth.status == "lost" or exact.status == "lost":
         return Verdict("no result", _missing(truth, exact), **facts)
-    beyond = _beyond(trial, model_error, bounds)
+    beyond = _beyond(trial, errors, bounds)
     unstable = next((one for one in (exact, trial) if one.kind == "physical"), None)
     if unstable is not None and (trial.drift or 0.0) <= bounds.drift:
         why = f"{unstable.reason}{'; ' + beyond if beyond else ''}"
         return Verdict("physical", why, item=unstable.item, **facts)
+    if unsure and not beyond:
+        return Verdict("no result", _unsure(unsure, errors, truth, exact), **facts)
     if not beyond:
         return Verdict("accurate", trial.reason, trial.kind, trial.item, **facts)
     # with a time error within its bound, the model itself leaves the truth or loses energy
-    numerical = model_error == 0.0 or (trial.error or 0.0) > bounds.error
+    numerical = model.error == 0.0 or (trial.distance.error or 0.0) > bounds.error
     return Verdict("wrong", beyond, "numerical" if numerical else "model", trial.item, **facts)
 
 
-def _model_error(truth: Truth, exact: Truth) -> tuple[float | None, str]:
+def _unsure(unsure: tuple[str, ...], errors: Mapping[str, Distance], truth: Truth, exact: Truth) -> str:
+    """Return what the references do not decide, and how well they are known."""
+    found = ", ".join(f"{what} error {errors[what].error:.2g}" for what in unsure)
+    references = {one.words for one in ((truth, exact) if "model" in unsure else (truth,))}
+    return f"{found} against a reference {', or one '.join(sorted(references))}"
+
+
+def _model_distance(truth: Truth, exact: Truth) -> Distance:
     if truth is exact:
-        return 0.0, ""
+        return Distance(0.0)
     if truth.status != "done" or exact.status != "done":
-        return None, ""
-    return distance(truth.channels, exact.channels, exact.scales)
+        return _NOWHERE
+    return distance(truth.channels, exact, truth)
 
 
-def _beyond(trial: Trial, model_error: float | None, bounds: Bounds) -> str:
-    """Return which bounds are passed, in words."""
-    found = (
-        ("model error", model_error, bounds.error),
-        ("time error", trial.error, bounds.error),
-        ("energy drift", trial.drift, bounds.drift),
-    )
-    return ", ".join(f"{what} {x:.2g}" for what, x, most in found if x is not None and x > most)
+def _beyond(trial: Trial, errors: Mapping[str, Distance], bounds: Bounds) -> str:
+    """Return which bounds are passed for sure, in words."""
+    found = [
+        (f"{what} error", errors[what].error)
+        for what in ("model", "time")
+        if errors[what].within[0] > bounds.error
+    ]
+    if trial.drift is not None and trial.drift > bounds.drift:
+        found.append(("energy drift", trial.drift))
+    return ", ".join(f"{what} {value:.2g}" for what, value in found)
