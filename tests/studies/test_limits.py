@@ -235,6 +235,33 @@ def test_measured_and_predicted_steps_agree_within_a_per_cent(method, order, req
     assert found.beyond - found.longest <= 0.01 * found.beyond
 
 
+def bdf3_edge(ratio):
+    """Return the step, in periods of an undamped mode, from which BDF3 is seen to feed a damped one."""
+    root = -ratio + 1j * np.sqrt(1.0 - ratio**2)
+
+    def seen(y):
+        polynomial = np.array([11.0 / 6.0 - y * root, -3.0, 1.5, -1.0 / 3.0])
+        return np.abs(np.roots(polynomial)).max() > module.BLOWN ** (0.5 / module.STEPS)
+
+    return next(y for y in np.arange(0.05, 2.0, 1e-3) if seen(y)) / (2.0 * np.pi)
+
+
+@pytest.mark.parametrize(("ratio", "within"), [(1e-10, 0.01), (0.02, 0.03)])
+def test_what_dampers_take_hides_no_step_that_feeds_the_motion(ratio, within):
+    """They take the more the more there is: their work is no measure of what energy there should be."""
+    damped = f"joints.axle.damping={2.0 * ratio * np.sqrt(50.0 * 0.5)}"
+    found = measure(LimitJob(WHEEL, "wheel", (damped,), "exact", "gear", 3, 30.0))
+    assert found.longest == pytest.approx(bdf3_edge(ratio), rel=within)
+    assert found.reason.startswith("the energy grows")
+
+
+def test_what_a_load_gives_is_no_growth():
+    text = WHEEL + "loads: {push: {type: moment, at: wheel, moment: 100.0}}\n"
+    stands, feeds = (LimitJob(text, "wheel", (), "exact", "gear", order, 30.0) for order in (2, 3))
+    assert measure(stands).beyond is None
+    assert measure(feeds).longest == pytest.approx(theory("gear", 3).longest, rel=0.6)
+
+
 @pytest.mark.usefixtures("short")
 def test_a_scene_that_falls_gains_energy_without_blowing_up():
     """What its weight gives in 100 steps is far more than the small swing it is disturbed with."""
