@@ -57,9 +57,9 @@ def _bound(name: str, default: float, words: str) -> Callable[[Any], Any]:
     metavar="PATH=VALUES",
     help="An axis: any entry of the deck; VALUES as log(1e5,1e12,8), lin(0,1,5) or 1,2,5.",
 )
-@_named_axis("stiffness", "An axis: factor on all moduli and spring stiffnesses.")
+@_named_axis("stiffness", "An axis: factor on moduli, and stiffness of sections, springs and stops.")
 @_named_axis("speed", "An axis: factor on initial velocities and on the rates of drivers.")
-@_named_axis("amplitude", "An axis: factor on loads, initial angles and the amplitudes of drivers.")
+@_named_axis("amplitude", "An axis: factor on loads, initial angles and how far drivers go.")
 @_named_axis("slenderness", "An axis: length over section height of every beam.")
 @_named_axis("step", "An axis: fixed step [s].")
 @_named_axis("elements", "An axis: elements of every beam.")

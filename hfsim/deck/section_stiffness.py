@@ -114,7 +114,7 @@ class StiffnessSection(MassSection):
         return _both(self.bending_stiffness)
 
 
-def _dimension(count: int, row: int, column: int) -> str:
+def dimension_of(count: int, row: int, column: int) -> str:
     """Return that of a number of a stiffness matrix of so many rows."""
     turns = (_STRAINS[count][row] > 2) + (_STRAINS[count][column] > 2)
     return ("force", "moment", "flexural_rigidity")[turns]
@@ -129,7 +129,7 @@ class CoupledSection(MassSection):
 
     one_or_two = ("rotary_inertia",)
 
-    stiffness: Annotated[Any, matrix_of((3, 6), _dimension)]
+    stiffness: Annotated[Any, matrix_of((3, 6), dimension_of)]
     """Rows of section forces over strains, in N, N m and N m^2: in space six, of tension, shear along y and
     z, torsion, bending about y and z, by stretch, shears, twist and curvatures; in the plane three, of
     tension, shear and bending."""

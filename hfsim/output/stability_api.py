@@ -68,8 +68,8 @@ def stability(
     vary : mapping, optional
         Axes by dotted paths: a sequence of values, or text such as ``"log(1e5, 1e9, 5)"``.
     scale_stiffness, scale_speed, amplitude, slenderness, step, elements : sequence or str, optional
-        Axes too: factors on moduli and springs, on speeds, on loads and initial angles; length over height
-        of every beam; fixed steps [s]; elements of every beam.
+        Axes too: factors on stiffness, speeds, loads, initial angles and how far drivers go; length over
+        height of every beam; fixed steps [s]; elements of every beam.
     methods, models : sequence of str
         All methods, and the models that `hfsim.compare` takes, without any.
     max_error, max_drift : float

@@ -8,18 +8,16 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial, reduce
-from itertools import product
-from typing import Any, TypeAlias
+from functools import partial
 
 from hfsim.deck.ranges import RangeError, Value, read_values, written
 from hfsim.deck.source import Setting
 from hfsim.errors import ArgumentError
-from hfsim.parts.bodies.beam import BeamSpec
 from hfsim.scene.loading import LoadedDeck, parse_deck
 from hfsim.scene.schema import Deck
+from hfsim.studies.changes import CHANGES, Changes
 
 _MOST = 1000
 """Values of one axis at most."""
@@ -146,11 +144,7 @@ def _varied(path: str, by: str, values: str) -> Axis:
     return Axis(path, numbers, overrides, solver, logarithmic, unit)
 
 
-_Changes: TypeAlias = Callable[[Deck, float], Iterator[tuple[str, object]]]
-"""(deck, value) -> entries of the deck and what each becomes."""
-
-
-def _named(name: str, changes: _Changes) -> Callable[[str], Axis]:
+def _named(name: str, changes: Changes) -> Callable[[str], Axis]:
     unit = "s" if name == "step" else ""
 
     def read(text: str) -> Axis:
@@ -168,55 +162,8 @@ def _named(name: str, changes: _Changes) -> Callable[[str], Axis]:
     return read
 
 
-def _scaled(**fields: tuple[str, ...]) -> _Changes:
-    """Return changes that multiply those of the given keys, by part of the deck, which entries have."""
-
-    def changes(deck: Deck, factor: float) -> Iterator[tuple[str, object]]:
-        for part, keys in fields.items():
-            for (name, entry), key in product(getattr(deck, part).items(), keys):
-                value: Any = reduce(lambda at, step: getattr(at, step, None), key.split("."), entry)
-                if value is not None:
-                    new = [factor * v for v in value] if isinstance(value, tuple) else factor * value
-                    yield f"{part}.{name}.{key}", new
-
-    return changes
-
-
-def _slenderness(deck: Deck, ratio: float) -> Iterator[tuple[str, object]]:
-    """Give each beam a section of its own, alike in shape, whose height is its length over `ratio`."""
-    for name, body in deck.bodies.items():
-        if not isinstance(body, BeamSpec) or body.section is None:
-            continue
-        section = deck.sections[body.section]
-        k = body.length / ratio / section.height
-        own = {"area": section.area * k**2, "second_moment": section.bending[1] * k**4}
-        yield f"sections.{body.section}_of_{name}", own
-        yield f"bodies.{name}.section", f"{body.section}_of_{name}"
-
-
-def _step(deck: Deck, step: float) -> Iterator[tuple[str, object]]:
-    yield "solve.step", step
-
-
-def _elements(deck: Deck, count: float) -> Iterator[tuple[str, object]]:
-    for name, body in deck.bodies.items():
-        if isinstance(body, BeamSpec):
-            yield f"bodies.{name}.elements", int(count) if float(count).is_integer() else count
-
-
-_CHANGES: dict[str, _Changes] = {
-    "stiffness": _scaled(materials=("youngs_modulus",), springs=("stiffness", "rotational_stiffness")),
-    "speed": _scaled(initial=("angular_velocity", "velocity"), joints=("angle.rate", "position.rate")),
-    "amplitude": _scaled(
-        initial=("angle",), loads=("force", "moment"), joints=("angle.amplitude", "position.amplitude")
-    ),
-    "slenderness": _slenderness,
-    "step": _step,
-    "elements": _elements,
-}
-NAMED: dict[str, Callable[[str], Axis]] = {name: _named(name, changes) for name, changes in _CHANGES.items()}
-"""Axes by name: factors on all moduli and springs, on all speeds, on loads and initial angles; length over
-section height of all beams; fixed step [s]; elements of all beams."""
+NAMED: dict[str, Callable[[str], Axis]] = {name: _named(name, changes) for name, changes in CHANGES.items()}
+"""Axes by name."""
 
 
 def point_overrides(loaded: LoadedDeck, axes: Sequence[Axis], values: Sequence[Value]) -> tuple[str, ...]:
