@@ -133,9 +133,16 @@ def vary_path(path: str, by: str = "--vary") -> Callable[[str], Axis]:
     return partial(_varied, path, by)
 
 
+_OTHERWISE = {"solve.model": "models", "solve.method": "methods"}
+"""What each point of a map has of its row, by the options and arguments that name the rows."""
+
+
 def _varied(path: str, by: str, values: str) -> Axis:
+    if path in _OTHERWISE:
+        instead = ("--" if by.startswith("--") else "") + _OTHERWISE[path]
+        raise AxisError(f"{path} is no axis: name what to map with {instead}")
     numbers, logarithmic, unit = parse_values(values)
-    solver = path.startswith("solve.") and path not in ("solve.duration", "solve.model")
+    solver = path.startswith("solve.") and path != "solve.duration"
     with_unit = f" {unit}" if unit else ""  # which the deck checks
 
     def overrides(deck: Deck, value: Value) -> tuple[str, ...]:

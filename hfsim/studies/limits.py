@@ -173,12 +173,12 @@ class Limit:
 
     @property
     def deviation(self) -> float | None:
-        """How far the measured step is from the predicted one, relative; None where it is not located."""
+        """How far the longest stable step is from the predicted one [-]; None where it is not located."""
         if not self.predicted or self.longest is None or self.beyond is None:
             return None
         if self.beyond - self.longest > 2.0 * WIDTH * self.beyond:
             return None
-        return 0.5 * (self.longest + self.beyond) / self.predicted - 1.0
+        return self.longest / self.predicted - 1.0
 
     def facts(self) -> dict[str, Any]:
         """Return it as plain data."""

@@ -208,6 +208,9 @@ def test_limits_are_told_in_whole_words_and_plain_numbers(tmp_path):
     (row,) = (line for line in text.splitlines() if line.startswith("  gear 3"))
     assert "  +125 %  the motion grows" in row and row.endswith("up to...")
     assert len(row) <= 110
+    near = Limit("explicit", None, None, 0.9489, 0.9541, "", 0.9489, "so it is said")
+    text = limits_text([Limits("wheel", "exact", (first,), (near,), {})], tmp_path)
+    assert "0.9489 T 0.9489 T +0 %" in " ".join(text.split()), "the two that are told are as far apart"
 
 
 def test_theory():

@@ -14,9 +14,11 @@ import click
 import numpy as np
 import pytest
 from called import call
+from matplotlib.text import Text
 from zoo import DEAD_CENTRE, WHIP
 
-from hfsim.errors import DeckError
+import hfsim
+from hfsim.errors import ArgumentError, DeckError
 from hfsim.marching.distance import ChannelScale
 from hfsim.marching.integration import run_integration
 from hfsim.marching.solution import Channel
@@ -195,6 +197,14 @@ def test_what_the_named_axes_change():
     assert {new.bodies[b].elements for b in ("b1", "b2")} == {7}
     _, new = changed(vary("solve.rho_inf=0.5"), 0.5)
     assert new.solve.rho_inf == 0.5
+
+
+def test_models_and_methods_are_rows_and_no_axes():
+    """Every point has those of its row: along such an axis all would be the same."""
+    with pytest.raises(AxisError, match=r"solve\.model is no axis.* with --models"):
+        vary("solve.model=linear,exact")
+    with pytest.raises(ArgumentError, match=r"solve\.method is no axis.* with methods"):
+        hfsim.stability(WHEEL, {"solve.method": ["gauss", "radau"]})
 
 
 def test_an_axis_that_changes_nothing_is_refused():
@@ -420,7 +430,6 @@ def test_axes_have_their_units_in_tables_and_pictures():
 
 def test_long_names_of_axes_are_not_drawn_over_one_another():
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.text import Text
 
     from hfsim.output.plots.stability import _map_figure
 
@@ -434,6 +443,22 @@ def test_long_names_of_axes_are_not_drawn_over_one_another():
     boxes = [one.get_window_extent() for one in upright]
     assert boxes and all(one.y0 >= 0.0 and one.y1 <= canvas.get_width_height()[1] for one in boxes)
     assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+
+
+@pytest.mark.parametrize("name", ["wheel", "a wheel with a much longer name than others"])
+@pytest.mark.parametrize("axes", [("stiffness",), ("stiffness", "step")])
+def test_the_title_stands_beside_the_legend(name, axes):
+    """With few rows and columns the picture is small."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    from hfsim.output.plots.stability import _map_figure, _strips_figure
+
+    deck = parse_deck(WHEEL.replace("name: wheel", f"name: {name}").replace("20.0", "0.2"))
+    found = stability_map(deck, plan(*(NAMED[one]("0.1,0.2") for one in axes), methods=("gauss",)))
+    figure = (_map_figure if len(axes) > 1 else _strips_figure)(found)
+    FigureCanvasAgg(figure).draw()
+    title = next(one for one in figure.findobj(Text) if "hold" in one.get_text())
+    assert not title.get_window_extent().overlaps(figure.legends[0].get_window_extent())
 
 
 @pytest.mark.parametrize(("axis", "text"), [("step", "1 kg, 2 kg"), ("stiffness", "1 m, 2 m")])
@@ -576,6 +601,8 @@ def test_the_command_writes_tables_and_a_picture(tmp_path):
         ("--methods", "gaus"),
         ("--models", "auto"),
         ("--vary", "solve.step"),
+        ("--vary", "solve.model=linear,exact"),
+        ("--vary", "solve.method=gauss,radau"),
         ("--vary", "solve.step=log(0,1,2)"),
         ("--step", "-1"),
         ("--scale-speed", "1,2"),

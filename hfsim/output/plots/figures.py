@@ -147,9 +147,15 @@ def set_title(figure: Figure, text: str) -> None:
     figure.axes[0].set_title("\n".join(title.lines), fontsize=title.size, loc="left", pad=10)
 
 
-def set_title_above(figure: Figure, text: str) -> None:
-    """Write a title above all axes of a figure, in as many lines as its width makes it."""
-    title = fitted(text, 0.97 * figure.get_figwidth(), 12.0)
+def set_title_above(figure: Figure, text: str, beside: float = 0.0) -> None:
+    """Write a title above all axes of a figure, in as many lines as its width makes it.
+
+    Parameters
+    ----------
+    beside : float
+        Width right of it that something else takes [inch].
+    """
+    title = fitted(text, 0.97 * figure.get_figwidth() - beside, 12.0)
     figure.suptitle("\n".join(title.lines), fontsize=title.size, x=0.01, ha="left")
 
 

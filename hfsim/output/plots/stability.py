@@ -10,9 +10,9 @@ from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 from matplotlib.transforms import Affine2D
 
-from hfsim.output.plots.figures import new_figure, set_title, set_title_above
+from hfsim.output.plots.figures import new_figure, set_title_above
 from hfsim.output.plots.files import save
-from hfsim.output.plots.ink import fitted
+from hfsim.output.plots.ink import fitted, text_width
 from hfsim.output.plots.style import GREEN, ORANGE, PURPLE, RED, SKY, YELLOW
 from hfsim.studies.stability.results import StabilityMap
 
@@ -35,6 +35,10 @@ _MOST_LETTERS = 24
 """Columns of a panel up to which cells carry their letter."""
 _PANEL = 2.9, 2.3
 """Width and height of a panel of a map with its ticks [inch]."""
+_LETTERS = 10.0
+"""Size of the letters of the legend [pt]."""
+_PATCH = 0.8
+"""Width that the legend takes beside its words [inch]."""
 
 
 def draw_stability(result: StabilityMap, folder: Path) -> list[str]:
@@ -63,8 +67,7 @@ def _map_figure(result: StabilityMap) -> Figure:
     y_label, x_label = (axis.label for axis in result.axes)
     _shared_label(figure.supylabel, y_label, _PANEL[1] * len(models))
     _shared_label(figure.supxlabel, x_label, _PANEL[0] * len(methods))
-    set_title_above(figure, f"{result.name}: where methods and models hold")
-    _class_legend(figure, result)
+    _title_and_legend(figure, result)
     return figure
 
 
@@ -88,8 +91,7 @@ def _strips_figure(result: StabilityMap) -> Figure:
     axes.set_yticks(range(len(rows)), [f"{model}, {method}" for model, method in rows])
     axes.invert_yaxis()
     axes.set_xlabel(result.axes[0].label)
-    set_title(figure, f"{result.name}: where methods and models hold")
-    _class_legend(figure, result)
+    _title_and_legend(figure, result)
     return figure
 
 
@@ -125,12 +127,15 @@ def _value_ticks(axes: Axes, values: Sequence[float | str], which: str) -> None:
         axes.set_yticks(places, labels, fontsize=8)
 
 
-def _class_legend(figure: Figure, result: StabilityMap) -> None:
+def _title_and_legend(figure: Figure, result: StabilityMap) -> None:
+    """Write the title and, right of it and of the panels, what the colours mean."""
     shown = [name for name in _CLASS_STYLES if name in result.counts()]
     handles = [
         Patch(facecolor=_CLASS_STYLES[name][0], edgecolor="0.6", label=_class_label(name)) for name in shown
     ]
-    figure.legend(handles=handles, loc="outside right upper", frameon=False)
+    wide = max((text_width(_class_label(name), _LETTERS) for name in shown), default=0.0) + _PATCH
+    set_title_above(figure, f"{result.name}: where methods and models hold", wide)
+    figure.legend(handles=handles, loc="outside right upper", frameon=False, fontsize=_LETTERS)
 
 
 def _class_label(name: str) -> str:
