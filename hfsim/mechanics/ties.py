@@ -288,10 +288,8 @@ class DistanceTie(Tie):
     @classmethod
     def between(cls, first: Marker, second: Marker, x: Array) -> DistanceTie:
         """Return one without resistances of a scene that starts in a state (n,)."""
-        both = first, second
-        arms = [np.array(marker.offset) for marker in both if marker.offset is not None]
-        far = max(float(np.abs(one).max()) for one in (*(marker.position(x[None]) for marker in both), *arms))
-        return cls(first, second, (), together=TOGETHER * far)
+        ends = (np.append(one.position(x[None]), one.offset or 0.0) for one in (first, second))
+        return cls(first, second, (), together=TOGETHER * max(float(np.abs(one).max()) for one in ends))
 
     def meets(self, x: Array) -> bool:
         """Tell whether both points are in one place, but for rounding, in one state."""
