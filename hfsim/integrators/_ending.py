@@ -33,7 +33,7 @@ def size_of(q: Array) -> Array:
 
 
 class Ending:
-    """Tells when an iteration ends; ``iterate`` in ``_replay.c`` does as it does."""
+    """Tells when an iteration ends; ``ended`` in ``_repeat.c`` does as it does."""
 
     def __init__(self, q: Array, tolerance: float) -> None:
         size = float(size_of(q))

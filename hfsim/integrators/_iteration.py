@@ -21,7 +21,7 @@ LINEAR = 1e-3
 STRAY = 30.0
 """Change of accelerations at a stage, over that at any other, from which it goes along with these."""
 DIGITS = 1e-15
-"""Rounding of places, over their size, of which accelerations in very short steps are made, if from these."""
+"""Rounding of places over their size; in very short steps, accelerations found from places are no more."""
 TAIL = 0.25
 """Part of the last terms of the Legendre series that is an error of the positions, as measured."""
 

@@ -121,7 +121,7 @@ def stepped(
 
     Steps are as long as changes stay moderate and near to what the tangent foretells, so that it is the
     equilibrium that is connected with the start, and shorter where the iteration does not converge.  With
-    signs they are shorter too where more motions become unstable, which is so located and noted.
+    signs they are shorter too where the first motion becomes unstable, which is so located and noted.
     """
     state, share, step = problem.begin(), 0.0, 1.0
     while share < 1.0 and step > SHORTEST:
