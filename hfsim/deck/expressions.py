@@ -112,13 +112,15 @@ FUNCTIONS: dict[str, tuple[int, int, Callable[..., float]]] = {
 CONSTANTS = {"pi": math.pi, "tau": math.tau, "e": math.e}
 
 
-def parsed(text: str, grown: bool = False) -> Node:
+def parsed(text: str, grown: bool = False, time: str = "") -> Node:
     """Return the tree of an expression.
 
     Parameters
     ----------
     grown : bool
         Whether numbers have taken the place of names in it.
+    time : str
+        Its name where the expression may be of it: behind a number it is no unit then.
 
     Raises
     ------
@@ -127,14 +129,14 @@ def parsed(text: str, grown: bool = False) -> Node:
     """
     if len(text) > (_GROWTH * LONGEST if grown else LONGEST):
         raise ExpressionError(f"an expression has at most {LONGEST} characters, not {len(text)}")
-    return _Parser(text, DEEPEST + _SIGNED * grown).whole()
+    return _Parser(text, DEEPEST + _SIGNED * grown, time).whole()
 
 
 class _Parser:
     """Reads an expression from left to right."""
 
-    def __init__(self, text: str, deepest: int) -> None:
-        self._tokens, self._deepest = list(_tokens(text)), deepest
+    def __init__(self, text: str, deepest: int, time: str) -> None:
+        self._tokens, self._deepest, self._time = list(_tokens(text)), deepest, time
         self._at = self._depth = 0
 
     @property
@@ -203,6 +205,9 @@ class _Parser:
         value, unit = float(token.text), self._next
         if unit.kind != "name":
             return Node("number", "", (), _finite(value, token), token.start, token.end)
+        if unit.text == self._time:
+            meant = f"did you mean '{token.text} * {unit.text}'?"
+            raise unit.wrong(f"an operator must stand before '{unit.text}'", meant)
         units = words_of_units()
         if unit.text not in units:
             near = did_you_mean(unit.text, units)

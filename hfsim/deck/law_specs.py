@@ -220,10 +220,10 @@ class ExpressionSpec(LawSpec):
         return f"{found[1]} at t = {found[0]:.4g} s" if found else ""
 
     def _tree(self) -> "Node":
-        from hfsim.deck.expression_law import checked
+        from hfsim.deck.expression_law import TIME, checked
         from hfsim.deck.expressions import parsed
 
-        return checked(parsed(self.expression, grown=True))
+        return checked(parsed(self.expression, grown=True, time=TIME))
 
     @property
     def constant(self) -> float | None:
@@ -299,8 +299,10 @@ def _in_si(item: object, dimension: str, factor: float, path: Path, refused: lis
     """Convert numbers and text with a unit; anything else is left to the field's own type."""
     if isinstance(item, list):
         return [_in_si(entry, dimension, factor, (*path, index), refused) for index, entry in enumerate(item)]
+    if isinstance(item, int | float) and not isinstance(item, bool) and factor != 1.0:
+        return factor * item
     if not isinstance(item, str):
-        return item if factor == 1.0 or not isinstance(item, int | float) else factor * item
+        return item
     try:
         return parse_quantity(item, dimension)
     except UnitError as error:

@@ -220,7 +220,7 @@ class Values:
             if _OPENING in text:
                 hint = "write the parameter's name alone"
                 raise ExpressionError("here parameters stand without ${ }", hint, text.index(_OPENING), 2)
-            tree = _parsed(text)
+            tree = _parsed(text, time=TIME)
             checked(self._with_values(tree, TIME))
         except (ExpressionError, _UnknownError) as error:
             self._note(path, text, 0, error)

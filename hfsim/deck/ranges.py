@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
 from hfsim.deck.source import did_you_mean
-from hfsim.deck.units import quantity_of_any_kind
+from hfsim.deck.units import plain_number, quantity_of_any_kind
 
 Value: TypeAlias = "float | str"
 """A number, or a word such as a method's name."""
@@ -185,7 +185,7 @@ def read_values(text: str, most: int = MOST) -> Values:
     words = _between_commas(text)
     if not all(words) or len(words) > most:
         raise RangeError(f"'{text}' is no list of values", "write log(1e5,1e12,8), lin(1,5,9) or 1,2,5")
-    values = tuple(dict.fromkeys(_number(word) for word in words))
+    values = tuple(dict.fromkeys(as_value(word) for word in words))
     if any(isinstance(value, float) and not math.isfinite(value) for value in values):
         raise RangeError(f"'{text}': values are finite")
     return Values(values)
@@ -214,11 +214,9 @@ def _numbers(parts: Sequence[str], alike: int) -> tuple[list[float], str]:
     """Return the numbers of a range and their SI unit; none where not the first `alike` have it, but 0."""
     pairs: list[tuple[float, str]] = []
     for part in parts:
-        try:
-            pairs.append((float(part), ""))
-        except ValueError:
-            value, unit = quantity_of_any_kind(part) or (math.nan, "")
-            pairs.append((value, unit.strip("-")))
+        number = plain_number(part)
+        value, unit = (quantity_of_any_kind(part) or (math.nan, "")) if number is None else (number, "")
+        pairs.append((value, unit.strip("-")))
     units = {unit for value, unit in pairs[:alike] if unit or value}
     if len(units) > 1 or any(unit for _, unit in pairs[alike:]):
         return [], ""
@@ -260,11 +258,10 @@ def _split(text: str) -> list[str]:
     return [word.strip() for word in words]
 
 
-def _number(word: str) -> Value:
-    try:
-        return float(word)
-    except ValueError:
-        return word
+def as_value(word: str) -> Value:
+    """Return the number that a word is, or else the word."""
+    number = plain_number(word)
+    return word if number is None else number
 
 
 def written(value: Value) -> str:

@@ -96,7 +96,19 @@ class Spec(BaseModel):
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> CoreSchema:
         """Tell pydantic how the entry is validated."""
-        return no_info_wrap_validator_function(cls._read, handler(source))
+
+        def read(value: Any, inner: Callable[[Any], Any]) -> Any:
+            return cls._read(cls._stated(value), inner)
+
+        return no_info_wrap_validator_function(read, handler(source))
+
+    @classmethod
+    def _stated(cls, value: Any) -> Any:
+        """Return an entry without its empty keys, where that is how to leave them out."""
+        if not isinstance(value, dict) or all(one is not None for one in value.values()):
+            return value
+        left_out = {info.alias or name for name, info in cls.model_fields.items() if info.default is None}
+        return {key: one for key, one in value.items() if one is not None or key not in left_out}
 
     @classmethod
     def _read(cls, value: Any, read: Callable[[Any], Any]) -> Any:

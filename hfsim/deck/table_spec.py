@@ -73,7 +73,9 @@ class TableSpec(LawSpec):
         for index, (before, after) in enumerate(zip(self.times, self.times[1:], strict=False), start=1):
             if after <= before:
                 yield Complaint(("times", index), f"times must increase, {after:g} follows {before:g}")
-        if self.periodic and abs(self.values[-1] - self.values[0]) > _SAME * np.ptp(self.values):
+        if not self.periodic or not self.values:
+            return
+        if abs(self.values[-1] - self.values[0]) > _SAME * np.ptp(self.values):
             why = f"a period ends with its first value, {self.values[0]:g}, not {self.values[-1]:g}"
             yield Complaint(("values", len(self.values) - 1), why, "repeat the first value at the end")
 

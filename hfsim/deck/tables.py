@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, TypeAlias
 from hfsim.deck.files import FileRefusedError, Folder, Text
 from hfsim.deck.reader import Mark, Path, dotted
 from hfsim.deck.source import DeckSource, did_you_mean
+from hfsim.deck.units import plain_number
 from hfsim.errors import DeckProblem
 
 MOST_POINTS = 20_000
@@ -80,7 +81,7 @@ def _columns(source: DeckSource, folder: Folder, path: Path, entry: dict[str, An
     source.others[file.name] = file.text
     rows = _rows(file)
     header = next(rows, [])
-    if len(header) < 2 or all(_number(cell.text) is not None for cell in header):
+    if len(header) < 2 or all(plain_number(cell.text) is not None for cell in header):
         where = Mark(header[0].mark.line if header else 1, 1, 1, file.name)
         message = "a table has at least two columns and begins with their names"
         raise _Wrong(_wrong(at, message, "", where))
@@ -90,7 +91,7 @@ def _columns(source: DeckSource, folder: Folder, path: Path, entry: dict[str, An
     for row in rows:
         for k, column in zip(found, columns, strict=True):
             cell = row[k] if k < len(row) else _Cell("", row[-1].mark)
-            number = _number(cell.text)
+            number = plain_number(cell.text)
             if number is None or not math.isfinite(number):
                 message = f"{header[k].text} must be a number, not '{cell.text}'"
                 problems.append(_wrong(at, message, "", cell.mark))
@@ -118,13 +119,6 @@ def _rows(file: Text) -> Iterator[list[_Cell]]:
             row.append(_Cell(text.strip("\"'"), Mark(number, start, max(len(text), 1), file.name)))
             column += len(piece) + 1
         yield row
-
-
-def _number(text: str) -> float | None:
-    try:
-        return float(text) if "_" not in text and text.isascii() else None
-    except ValueError:
-        return None
 
 
 def _place(source: DeckSource, path: Path, entry: dict[str, Any], header: Sequence[_Cell], k: int) -> int:

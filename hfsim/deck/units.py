@@ -210,6 +210,20 @@ def parse_quantity(text: str, dimension: str) -> float:
         raise UnitError(f"{expected}, '{text}' is out of range", "") from error
 
 
+def plain_number(text: str) -> float | None:
+    """Return the number that a text alone is; None where it is none, as `1_0`, which Python would take.
+
+    Examples
+    --------
+    >>> plain_number("1e3"), plain_number("1_0"), plain_number("gauss")
+    (1000.0, None, None)
+    """
+    try:
+        return float(text) if "_" not in text and text.isascii() else None
+    except ValueError:
+        return None
+
+
 @cache
 def words_of_units() -> dict[str, float]:
     """Return the units that are one word, of whatever dimension, with their size in SI."""

@@ -231,12 +231,16 @@ def _initial_names(declared: Declared) -> Iterator[Complaint]:
         elif bodies and name not in bodies and name != "ground":
             hint = did_you_mean(name, [*bodies, *(declared.names("joints") or ())])
             yield Complaint(("initial", name), f"there is no body or joint '{name}'", hint, True)
-        elif isinstance(entry, bool | list):
+        elif isinstance(entry, bool | list) or (isinstance(entry, dict) and _OF_ALL & entry.keys()):
             why = "must be a map of what is stated of a body"
             yield Complaint(("initial", name), why, f"{AT_REST}: [{name}]?")
         elif isinstance(entry, dict):
             for key in (key for key in COORDINATES["m"] if key in entry):
                 yield Complaint(("initial", name, key), "is of joints, not of bodies", "position?", True)
+
+
+_OF_ALL = {"bodies", "body"}
+"""What tells an entry of no single body."""
 
 
 def _of_joint(kind: Any, entry: Any, path: Path) -> Iterator[Complaint]:
@@ -271,6 +275,8 @@ def _resting(entry: Any, bodies: Collection[str]) -> Iterator[Complaint]:
     """Yield what cannot start in equilibrium."""
     path: Path = ("initial", AT_REST)
     if isinstance(entry, dict):
+        if "bodies" not in entry:
+            yield Complaint(path, "needs the bodies that rest", "true, or a list of their names", True)
         path, entry = (*path, "bodies"), entry.get("bodies")
     for index, name in enumerate(entry if isinstance(entry, list) else ()):
         if isinstance(name, str) and bodies and name not in bodies:

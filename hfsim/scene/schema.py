@@ -354,7 +354,7 @@ class Deck(Spec):
         """Return the deck as plain data with defaults filled in and SI numbers; it loads as an equal deck."""
         data = self.model_dump(mode="json", by_alias=True, exclude_none=True)
         for name in self.joints.keys() & self.initial.keys():
-            del data["initial"][name]["exact"]  # of bodies alone
+            data["initial"][name].pop("exact", None)  # of bodies alone
         return data
 
 

@@ -87,11 +87,12 @@ def complaints_of_sweep(data: dict[str, Any], entries: Mapping[str, Any]) -> Ite
     """
     sweep = data["sweep"] if isinstance(data["sweep"], dict) else {}
     vary, collect = sweep.get("vary"), sweep.get("collect")
-    for path in vary if isinstance(vary, dict) else ():
-        if why := why_unset(data, str(path), Deck):
+    paths = [str(path) for path in vary] if isinstance(vary, dict) else []
+    for path in paths:
+        if why := why_unset(data, path, Deck):
             yield Complaint(("sweep", "vary", path), why[0], "".join(why[1:]), True)
     checks = QuantityChecks(data, entries)
-    moved = "runs" in sweep or any(str(path).startswith(_ENDS) for path in vary or ())
+    moved = "runs" in sweep or any(path.startswith(_ENDS) for path in paths)
     for number, text in enumerate(collect if isinstance(collect, list) else ()):
         with suppress(QuantityError):
             quantity, at = read_quantity(str(text)), ("sweep", "collect", number)

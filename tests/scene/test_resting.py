@@ -139,6 +139,11 @@ def test_slips_in_it_are_told(entry, message):
         parse_deck(ARM, overrides=["initial.b=true"])
 
 
+def test_a_joint_may_have_the_name_of_the_start():
+    deck = parse_deck(ARM.replace("pin:", "equilibrium:").replace("hinge:", "steady:")).deck
+    assert deck.resting == ("b", "c") and hfsim.load(deck.resolved()).deck == deck
+
+
 @pytest.mark.parametrize("entry", ["true", "false", "[c]"])
 def test_a_resolved_deck_says_the_same(entry):
     deck = parse_deck(ARM, overrides=[f"initial.equilibrium={entry}"]).deck

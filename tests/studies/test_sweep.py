@@ -655,6 +655,18 @@ def test_ranges_have_one_unit_where_one_is_meant(text):
         read_values(text)
 
 
+def test_tables_read_numbers_as_decks_do(tmp_path):
+    (tmp_path / "runs.csv").write_text("solve.method,bodies.hub.mass\n1_0,1e1\n")
+    assert plans.table(tmp_path / "runs.csv").row(0) == ("1_0", 10.0)
+
+
+def test_no_samples_are_refused_and_not_taken_from_the_deck():
+    deck = parse_deck(f"{WHEEL}\nsweep: {{vary: {{bodies.hub.mass: 'normal(1, 0.1)'}}, sample: 3}}\n")
+    assert len(hfsim.sweep(deck, collect=["max(hub.angle)"])["max(hub.angle)"]) == 3
+    with pytest.raises(hfsim.DeckError, match="one run at least"):
+        hfsim.sweep(deck, collect=["max(hub.angle)"], sample=0)
+
+
 def test_a_range_with_units_is_swept_and_checked(wheel):
     path = "initial.hub.angular_velocity"
     found = hfsim.sweep("wheel.yaml", {path: "lin(60 rpm, 120 rpm, 2)"}, ["max(hub.angle)"])

@@ -77,7 +77,8 @@ class Asked:
         if said is not None:
             if not self.vary and self.table is None:
                 beside = None if said.runs is None else Path(loaded.source.file).parent / said.runs
-                found = replace(found, vary=said.vary, table=beside, sample=self.sample or said.sample)
+                sample = said.sample if self.sample is None else self.sample
+                found = replace(found, vary=said.vary, table=beside, sample=sample)
             written = loaded.source.as_written.get(("sweep", "collect"), said.collect)
             found = replace(found, collect=self.collect or tuple(map(str, written)))
         if found.sample is None:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.deck.ranges import RangeError, Value, Values, read_values, written
+from hfsim.deck.ranges import RangeError, Value, Values, as_value, read_values, written
 from hfsim.errors import MOST_PROBLEMS, DeckError, DeckProblem, HfsimError
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
@@ -266,11 +266,9 @@ class _Wrong(str):
 def _value(text: str) -> Value:
     if not text:
         return _Wrong("the value is missing")
-    try:
-        value = float(text)
-    except ValueError:
-        return text
-    return value if math.isfinite(value) else _Wrong(f"'{text}' is not finite")
+    value = as_value(text)
+    finite = isinstance(value, str) or math.isfinite(value)
+    return value if finite else _Wrong(f"'{text}' is not finite")
 
 
 def _few(count: int) -> int:
