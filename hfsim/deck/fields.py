@@ -15,7 +15,8 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
-from hfsim.deck.spec import Before, Complaint, ReadBy, entry_of, refusal, refused, shown
+from hfsim.deck.complaints import Complaint, refusal, refused, shown
+from hfsim.deck.spec import Before, ReadBy, entry_of
 from hfsim.deck.units import RANGES, SI_UNITS, UnitError, describe, parse_quantity
 
 _BOUNDS: dict[str, tuple[Callable[[float, float], bool], str]] = {

@@ -5,9 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import degrees_as_radians
 from hfsim.deck.laws import Law, ShiftedLaw
-from hfsim.deck.spec import Around, Complaint, Spec
+from hfsim.deck.spec import Around, Spec
 
 _STILL = 1e-9
 """Rate, over one more than the acceleration, that counts as none."""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field
 
+from hfsim.deck.complaints import Complaint, refusal, refuse_all
 from hfsim.deck.fields import (
     Angle,
     NonNegativeTime,
@@ -26,7 +27,7 @@ from hfsim.deck.fields import (
 from hfsim.deck.law_spec import LawSpec
 from hfsim.deck.laws import Law, LinearLaw, SineLaw, SpinUpLaw, StepLaw
 from hfsim.deck.reader import Path
-from hfsim.deck.spec import Around, Before, Complaint, OneOf, ReadBy, refusal, refuse_all
+from hfsim.deck.spec import Around, Before, OneOf, ReadBy
 from hfsim.deck.table_spec import TableSpec
 from hfsim.deck.units import UnitError, describe, parse_quantity
 

@@ -3,9 +3,10 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, NamedTuple, Self
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import NonNegativeTime, PositiveDensity, PositivePressure, measures, within
 from hfsim.deck.sections import Fibres, GeneralSection, Moments, equivalent_side
-from hfsim.deck.spec import Around, Complaint, Spec
+from hfsim.deck.spec import Around, Spec
 
 if TYPE_CHECKING:
     from hfsim.deck.section_shapes import CircleSection, RectangleSection, TubeSection

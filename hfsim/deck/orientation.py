@@ -6,8 +6,9 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import AfterValidator
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import Angle, Axis, Number, SpatialAngle, entries, shortest
-from hfsim.deck.spec import Before, Complaint, Spec
+from hfsim.deck.spec import Before, Spec
 from hfsim.maths.arrays import Array
 
 FORMS = "{axis, angle}, {rotation_vector}, {quaternion: [w, x, y, z]} or {x, y}"

@@ -7,6 +7,7 @@ from dataclasses import replace
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import NamesOf
 from hfsim.deck.reader import Path, dotted, parse
 from hfsim.deck.source import (
@@ -20,7 +21,7 @@ from hfsim.deck.source import (
     path_in,
     without_ranges,
 )
-from hfsim.deck.spec import Complaint, OneOf, ReadBy, Spec, at
+from hfsim.deck.spec import OneOf, ReadBy, Spec, at
 from hfsim.deck.units import SI_UNITS
 from hfsim.errors import DeckProblem
 

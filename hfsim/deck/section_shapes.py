@@ -4,9 +4,10 @@ import math
 from collections.abc import Iterator
 from typing import ClassVar, Literal, Protocol
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import NonNegativeLength, PositiveLength
 from hfsim.deck.sections import SHEAR_FACTOR, EquivalentRectangle, Fibres, Moments, Sized
-from hfsim.deck.spec import Complaint, Spec
+from hfsim.deck.spec import Spec
 
 
 class _OfRadius(Sized, Protocol):

@@ -5,10 +5,11 @@ from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import Annotated, Any, ClassVar, Literal
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import NonNegativeTime, matrix_of, measures, one_or_list
 from hfsim.deck.reader import Path
 from hfsim.deck.sections import Moments
-from hfsim.deck.spec import Around, Complaint, Spec
+from hfsim.deck.spec import Around, Spec
 
 _ROUNDED = 1e-4
 """Part of a moment of inertia, or of a stiffness, that may be the rounding of a printed table."""

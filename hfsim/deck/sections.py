@@ -8,8 +8,9 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Protocol
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import PositiveArea, PositiveNumber, PositiveSecondMoment, alike, entries, within
-from hfsim.deck.spec import Around, Before, Complaint, OneOf, Spec
+from hfsim.deck.spec import Around, Before, OneOf, Spec
 
 _USUAL = (1e-5, 1e5)
 """Height over width of sections that are built [-]."""

@@ -1,4 +1,4 @@
-"""Base class of deck entries: how one is read, and how it says what is wrong.
+"""Base class of deck entries: how one is read, and how it says what is wrong with it.
 
 An entry says what is wrong with it as a whole in `Spec.complaints`.
 """
@@ -7,45 +7,20 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from importlib import import_module
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, ValidationError
-from pydantic_core import CoreSchema, ErrorDetails, InitErrorDetails, PydanticCustomError
+from pydantic_core import CoreSchema, ErrorDetails
 from pydantic_core.core_schema import (
     no_info_before_validator_function,
     no_info_plain_validator_function,
     no_info_wrap_validator_function,
 )
 
+from hfsim.deck.complaints import REFUSED, Complaint, refusal, refuse_all, refused, shown, wrong_choice
 from hfsim.deck.reader import Path
 from hfsim.deck.source import did_you_mean
 from hfsim.errors import MOST_PROBLEMS
-
-REFUSED = "refused"
-"""Kind of pydantic's error that carries a complaint."""
-
-
-class Complaint(NamedTuple):
-    """What is wrong with an entry.
-
-    Attributes
-    ----------
-    path : tuple
-        Where, counted from the entry that complains.
-    message, hint : str
-        What is wrong, and what would be right.
-    on_key : bool
-        Whether the key is to be marked, not the value.
-    """
-
-    path: Path
-    message: str
-    hint: str = ""
-    on_key: bool = False
-
-    def inside(self, *steps: str | int) -> Self:
-        """Return the same, its path counted from further out."""
-        return self._replace(path=(*steps, *self.path))
 
 
 class Around(NamedTuple):
@@ -170,26 +145,6 @@ class Spec(BaseModel):
     def model_post_init(self, context: Any, /) -> None:
         """Refuse an entry that has complaints."""
         refuse_all(self.complaints())
-
-
-def refusal(message: str, hint: str = "", on_key: bool = False) -> PydanticCustomError:
-    """Return the exception by which a validator refuses a value, with what would be right."""
-    return PydanticCustomError(REFUSED, "{message}", {"message": message, "hint": hint, "on_key": on_key})
-
-
-def refused(complaints: Sequence[Complaint]) -> ValidationError:
-    """Return the exception that makes all complaints at once, each at its own path."""
-    errors = [
-        InitErrorDetails(type=refusal(one.message, one.hint, one.on_key), loc=one.path, input=None)
-        for one in complaints
-    ]
-    return ValidationError.from_exception_data("entry", errors)
-
-
-def refuse_all(complaints: Iterable[Complaint]) -> None:
-    """Raise all complaints at once; do nothing where there are none."""
-    if found := list(complaints):
-        raise refused(found)
 
 
 class ReadBy:
@@ -330,29 +285,6 @@ def at(place: str) -> Any:
     """Return what stands at ``module.NAME``; the module is imported if need be."""
     module, _, name = place.rpartition(".")
     return getattr(import_module(module), name)
-
-
-def wrong_choice(path: Path, given: object, choices: list[str]) -> Complaint:
-    """Return what is wrong with a value that is none of the choices."""
-    hint = did_you_mean(str(given), choices)
-    message = f"must be one of {', '.join(choices)}, not {shown(given)}"
-    return Complaint(path, message, hint if "?" in hint else "")
-
-
-def shown(value: object) -> str:
-    """Return a deck's value as messages show it."""
-    if value is None:
-        return "empty"
-    if isinstance(value, dict):
-        return "a map"
-    if isinstance(value, list | tuple):
-        return "a list"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float):
-        return f"{value:g}"
-    text = f"'{value}'" if isinstance(value, str) else str(value)
-    return text if len(text) <= 60 else text[:57] + "..."
 
 
 # Pydantic's refusals in deck words --------------------------------------------------------------------

@@ -11,10 +11,11 @@ from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar, cast
 
 import numpy as np
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import UnitInterval
 from hfsim.deck.materials import BeamProperties, MaterialSpec, SectionProperties
 from hfsim.deck.section_shapes import CircleSection
-from hfsim.deck.spec import Complaint, Spec
+from hfsim.deck.spec import Spec
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 

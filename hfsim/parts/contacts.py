@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import (
     Angle,
     Damping,
@@ -24,7 +25,7 @@ from hfsim.deck.fields import (
 )
 from hfsim.deck.law_specs import ScaleLaw
 from hfsim.deck.laws import Law
-from hfsim.deck.spec import Around, Complaint, Spec
+from hfsim.deck.spec import Around, Spec
 from hfsim.mechanics.friction import Friction
 from hfsim.mechanics.latches import Latch
 from hfsim.mechanics.resistances import Stop

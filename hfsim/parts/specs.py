@@ -6,8 +6,9 @@ Checks and rules ask these facts; they know no kind of body, joint, spring or lo
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import Between, split_point
-from hfsim.deck.spec import Around, Complaint, Spec, entry_of
+from hfsim.deck.spec import Around, Spec, entry_of
 from hfsim.maths.arrays import Array
 
 if TYPE_CHECKING:

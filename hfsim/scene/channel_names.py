@@ -3,10 +3,11 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
+from hfsim.deck.complaints import Complaint, shown
 from hfsim.deck.fields import split_point
 from hfsim.deck.reader import Path
 from hfsim.deck.source import did_you_mean
-from hfsim.deck.spec import Complaint, at, shown
+from hfsim.deck.spec import at
 from hfsim.parts.channels import CHANNELS, OWNERS, ChannelKind, scene_words
 from hfsim.parts.forces import SPRINGS
 from hfsim.parts.joints import JOINTS

@@ -6,10 +6,11 @@ Names are looked up in the plain data and everything else in the entries that co
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import split_point
 from hfsim.deck.reader import Path
 from hfsim.deck.source import did_you_mean, entry_at
-from hfsim.deck.spec import Around, Complaint, at
+from hfsim.deck.spec import Around, at
 from hfsim.parts.channels import scene_words
 from hfsim.parts.forces import SPRINGS
 from hfsim.parts.joints import JOINTS

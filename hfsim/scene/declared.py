@@ -4,10 +4,10 @@ from collections.abc import Collection, Iterator, KeysView
 from functools import cached_property
 from typing import Any, TypeAlias
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import split_point
 from hfsim.deck.reader import Path
 from hfsim.deck.source import did_you_mean, nearest
-from hfsim.deck.spec import Complaint
 from hfsim.parts.bodies import BODIES
 from hfsim.scene.schema import Deck
 

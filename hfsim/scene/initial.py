@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
+from hfsim.deck.complaints import Complaint, refusal, shown
 from hfsim.deck.fields import (
     Angle,
     Flag,
@@ -17,7 +18,7 @@ from hfsim.deck.fields import (
     VelocityVector,
     degrees_as_radians,
 )
-from hfsim.deck.spec import Around, Complaint, ReadBy, Spec, refusal, shown
+from hfsim.deck.spec import Around, ReadBy, Spec
 from hfsim.maths.arrays import Array
 
 _FAST = 1000.0

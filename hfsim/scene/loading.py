@@ -16,9 +16,10 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.overrides import left_empty, of_copies, override
 from hfsim.deck.source import DeckSource, parse_source, read_source
-from hfsim.deck.spec import Complaint, explained
+from hfsim.deck.spec import explained
 from hfsim.errors import MOST_PROBLEMS, DeckError
 from hfsim.maths.frozen import frozen
 from hfsim.parts.bodies.beam import DEFAULT_ELEMENTS, BeamSpec

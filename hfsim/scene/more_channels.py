@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import replace
 
-from hfsim.deck.spec import Complaint
+from hfsim.deck.complaints import Complaint
 from hfsim.scene.channel_names import ChannelNames
 from hfsim.scene.declared import Declared
 from hfsim.scene.loading import LoadedDeck

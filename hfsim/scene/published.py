@@ -7,10 +7,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import EmptyAllowed, PositiveTime, measures, read_text
 from hfsim.deck.overrides import why_unset
 from hfsim.deck.quantities import Quantity, QuantityError, read_quantity
-from hfsim.deck.spec import Complaint, ReadBy, Spec, entry_of
+from hfsim.deck.spec import ReadBy, Spec, entry_of
 from hfsim.scene.quantities import QuantityChecks, quantity_of
 from hfsim.scene.schema import Deck
 

@@ -3,10 +3,10 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from hfsim.deck.complaints import Complaint, refusal, shown
 from hfsim.deck.fields import read_text
 from hfsim.deck.quantities import Quantity, QuantityError, read_quantity
 from hfsim.deck.reader import Path
-from hfsim.deck.spec import Complaint, refusal, shown
 from hfsim.scene.channel_names import ChannelNames, no_channel
 from hfsim.scene.checks import space_said
 from hfsim.scene.declared import Declared

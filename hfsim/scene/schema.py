@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from hfsim.deck.complaints import Complaint, refusal, shown
 from hfsim.deck.fields import (
     LONGEST_NAME,
     AccelerationVector,
@@ -30,7 +31,7 @@ from hfsim.deck.materials import MaterialSpec
 from hfsim.deck.reader import Path
 from hfsim.deck.sections import SectionSpec
 from hfsim.deck.source import did_you_mean
-from hfsim.deck.spec import Around, Complaint, ReadBy, Spec, entry_of, named_in, refusal, shown
+from hfsim.deck.spec import Around, ReadBy, Spec, entry_of, named_in
 from hfsim.integrators import steps_in_absolute_coordinates
 from hfsim.maths.memory import available, in_bytes
 from hfsim.parts.bodies import AnyBody, BeamSpec

@@ -6,8 +6,8 @@ from collections.abc import Collection, Iterator
 
 import numpy as np
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import split_point
-from hfsim.deck.spec import Complaint
 from hfsim.maths.matrices import dense
 from hfsim.maths.rank import null_space
 from hfsim.maths.rotations import FIRST, smallest_rotation

@@ -7,11 +7,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from hfsim.deck.complaints import Complaint, refusal, shown
 from hfsim.deck.fields import EmptyAllowed, read_text, whole
 from hfsim.deck.overrides import why_unset
 from hfsim.deck.quantities import Quantity, QuantityError, read_quantity
 from hfsim.deck.ranges import RangeError, read_values, written
-from hfsim.deck.spec import Complaint, ReadBy, Spec, refusal, shown
+from hfsim.deck.spec import ReadBy, Spec
 from hfsim.scene.quantities import QuantityChecks, quantity_of
 from hfsim.scene.schema import Deck
 

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from annotated_types import MinLen
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import Angle, LengthVector, PositiveLength
 from hfsim.deck.reader import Path
-from hfsim.deck.spec import Complaint, Spec
+from hfsim.deck.spec import Spec
 from hfsim.deck.units import RANGES
 
 if TYPE_CHECKING:

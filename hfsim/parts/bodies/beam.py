@@ -6,21 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError
 
+from hfsim.deck.complaints import Complaint, refusal, refuse_all, refused, shown
 from hfsim.deck.fields import Angle, Flag, Points, PositiveLength, alike, whole
 from hfsim.deck.reader import Path
-from hfsim.deck.spec import (
-    Around,
-    Before,
-    Complaint,
-    Spec,
-    entry_of,
-    explained,
-    named_in,
-    refusal,
-    refuse_all,
-    refused,
-    shown,
-)
+from hfsim.deck.spec import Around, Before, Spec, entry_of, explained, named_in
 from hfsim.parts.bodies.models import MODELS, missing
 from hfsim.parts.specs import BodySpec
 

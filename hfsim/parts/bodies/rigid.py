@@ -9,9 +9,10 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import Inertia, Points, PositiveMass, flat, within
 from hfsim.deck.reader import Path
-from hfsim.deck.spec import Around, Complaint
+from hfsim.deck.spec import Around
 from hfsim.maths.rotations import freedoms
 from hfsim.mechanics.body import Body, places
 from hfsim.parts.specs import BodySpec

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.sections import equivalent_side
-from hfsim.deck.spec import Around, Complaint
+from hfsim.deck.spec import Around
 from hfsim.maths.arrays import Array
 
 if TYPE_CHECKING:

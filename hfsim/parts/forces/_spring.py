@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from hfsim.deck.spec import Complaint
+from hfsim.deck.complaints import Complaint
 from hfsim.mechanics.resistances import LinearSpring, Resistance, Wound
 from hfsim.mechanics.tabled import TableSpring
 from hfsim.parts.specs import SpringSpec

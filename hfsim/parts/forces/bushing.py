@@ -7,10 +7,11 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import Angle, Between, LengthVector, Orientation, degrees_as_radians, one_or_list
 from hfsim.deck.laws import LinearLaw
 from hfsim.deck.orientation import matrix_of
-from hfsim.deck.spec import Around, Complaint
+from hfsim.deck.spec import Around
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import freedoms
 from hfsim.mechanics.constraints import Held, Shift, Turn

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import (
     Axis,
     Between,
@@ -16,7 +17,7 @@ from hfsim.deck.fields import (
     PositiveStiffness,
     PositiveVelocity,
 )
-from hfsim.deck.spec import Around, Complaint, Spec, entry_of
+from hfsim.deck.spec import Around, Spec, entry_of
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.contact import ContactTie
 from hfsim.mechanics.markers import Marker

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, PrivateAttr
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import (
     Angle,
     Number,
@@ -16,7 +17,7 @@ from hfsim.deck.fields import (
     RotationalDamping,
     degrees_as_radians,
 )
-from hfsim.deck.spec import Around, Complaint
+from hfsim.deck.spec import Around
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.coupled import CoupledTie
 from hfsim.mechanics.resistances import LinearSpring

@@ -5,9 +5,9 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import Flag, ForcePerLengthVector, table_of
 from hfsim.deck.law_specs import ScaleLaw
-from hfsim.deck.spec import Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.line_force import LineForce

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import (
     PositiveArea,
     PositiveDensity,
@@ -15,7 +16,6 @@ from hfsim.deck.fields import (
     VelocityVector,
 )
 from hfsim.deck.law_specs import ScaleLaw
-from hfsim.deck.spec import Complaint
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.drag import Drag, LineDrag, PointDrag
 from hfsim.mechanics.markers import Marker

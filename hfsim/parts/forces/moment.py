@@ -3,9 +3,10 @@
 from collections.abc import Iterator
 from typing import Literal
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import Flag, Torque
 from hfsim.deck.law_specs import ScaleLaw
-from hfsim.deck.spec import Around, Complaint
+from hfsim.deck.spec import Around
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.point_loads import PointMoment
 from hfsim.parts.specs import LoadSpec

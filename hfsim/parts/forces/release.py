@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import NonNegativeTime, PositiveForce, PositiveMoment
-from hfsim.deck.spec import Complaint, Spec
+from hfsim.deck.spec import Spec
 from hfsim.mechanics.releases import Release
 
 

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import (
     Angle,
     Axis,
@@ -15,7 +16,7 @@ from hfsim.deck.fields import (
     degrees_as_radians,
     table_of,
 )
-from hfsim.deck.spec import Around, Complaint
+from hfsim.deck.spec import Around
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Turn
 from hfsim.mechanics.markers import Marker

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import Between, Force, Stiffness, table_of
 from hfsim.deck.law_specs import PositionLaw
-from hfsim.deck.spec import Around, Complaint
+from hfsim.deck.spec import Around
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.ties import DistanceTie

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, ClassVar
 
-from hfsim.deck.spec import Around, Complaint
+from hfsim.deck.complaints import Complaint
+from hfsim.deck.spec import Around
 from hfsim.parts.specs import JointSpec
 
 

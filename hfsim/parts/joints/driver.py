@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from typing import Literal
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import Axis, Orientation
 from hfsim.deck.law_specs import AngleLaw, PositionLaw
-from hfsim.deck.spec import Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift, Turn
 from hfsim.parts.joints._driven import DrivenSpec

@@ -3,8 +3,9 @@
 from collections.abc import Iterator
 from typing import Literal
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import Angle, Orientation, degrees_as_radians
-from hfsim.deck.spec import Around, Complaint
+from hfsim.deck.spec import Around
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift, Turn
 from hfsim.parts.specs import JointSpec

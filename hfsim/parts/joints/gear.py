@@ -3,8 +3,9 @@
 from collections.abc import Iterator
 from typing import Annotated, Literal
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import Angle, Axis, Length, degrees_as_radians, measures, read_text
-from hfsim.deck.spec import Around, Complaint, ReadBy
+from hfsim.deck.spec import Around, ReadBy
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held
 from hfsim.parts.specs import JointSpec

@@ -5,9 +5,10 @@ from typing import Literal
 
 import numpy as np
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import Angle, Axis, Orientation, degrees_as_radians
 from hfsim.deck.law_specs import AngleLaw, PositionLaw
-from hfsim.deck.spec import Around, Complaint
+from hfsim.deck.spec import Around
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift, Turn
 from hfsim.parts.joints._driven import DrivenSpec

@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Mapping
 from typing import Literal
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import Axis, Force, Moment
 from hfsim.deck.law_specs import ScaleLaw
-from hfsim.deck.spec import Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held
 from hfsim.mechanics.resistances import Push, Resistance

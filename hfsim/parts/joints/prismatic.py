@@ -3,8 +3,9 @@
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Literal
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import Angle, Axis, Orientation, degrees_as_radians
-from hfsim.deck.spec import Around, Complaint
+from hfsim.deck.spec import Around
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import across
 from hfsim.mechanics.constraints import Held, Shift, Turn

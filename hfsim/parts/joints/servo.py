@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Literal
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import (
     Axis,
     Damping,
@@ -15,7 +16,6 @@ from hfsim.deck.fields import (
     RotationalDamping,
 )
 from hfsim.deck.law_specs import AngleLaw, PositionLaw
-from hfsim.deck.spec import Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held
 from hfsim.mechanics.resistances import Control, Resistance

@@ -5,8 +5,9 @@ from typing import Annotated, Literal
 
 import numpy as np
 
+from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import Angle, Axis, Orientation, entries
-from hfsim.deck.spec import Before, Complaint
+from hfsim.deck.spec import Before
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift
 from hfsim.parts.specs import JointSpec
