@@ -17,7 +17,7 @@ from types import ModuleType
 
 import click
 
-from hfsim.errors import DeckError, HfsimError
+from hfsim.errors import INTERRUPTIONS, DeckError, HfsimError
 from hfsim.marching.stop import SHIELD
 from hfsim.output.talk import print_error
 
@@ -94,6 +94,12 @@ def worst(codes: Iterable[int]) -> int:
     """
     known = (code if code in _SEVERITY else 1 for code in codes)
     return max(known, key=_SEVERITY.index, default=0)
+
+
+def interrupted() -> int:
+    """Tell that a study ended early with what it has; return the exit code."""
+    print_error("interrupted; what was computed until then is kept")
+    return INTERRUPTIONS[0]
 
 
 def report_error(error: Exception) -> int:

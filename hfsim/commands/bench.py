@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from hfsim.commands import interrupted
 from hfsim.commands.decks import assemble, load_numbered, without_blind_channels
 from hfsim.commands.options import (
     as_usage,
@@ -189,14 +190,13 @@ def do_separation(
     for sentence in result.disagreements:
         print_error(sentence)
     if result.status == "interrupted":
-        print_error("interrupted; what was measured until then is kept")
-    return {"done": 0, "wrong": 4, "interrupted": 130}[result.status]
+        return interrupted()
+    return {"done": 0, "wrong": 4}[result.status]
 
 
 def _exit_code(result: Bench) -> int:
     if result.status == "interrupted":
-        print_error("interrupted; what was measured until then is kept")
-        return 130
+        return interrupted()
     for cell in result.cells:
         if cell.status != "done":
             print_error(f"{cell.model}, {cell.mesh}: no reference: {cell.reason}")

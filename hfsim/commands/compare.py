@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from hfsim.commands import interrupted
 from hfsim.commands.decks import command_line, loader
 from hfsim.commands.options import (
     POSITIVE,
@@ -192,8 +193,7 @@ def _page(comparison: Comparison, prepared: Prepared, facts: Mapping[str, Any], 
 
 def _exit_code(comparison: Comparison, require: Sequence[str]) -> int:
     if comparison.interrupted:
-        print_error("interrupted; what was computed until then is kept")
-        return 130
+        return interrupted()
     reference = comparison.runs[comparison.reference]
     if reference.status != "done":
         print_error(f"error: the reference {comparison.reference} did not reach the end: {reference.reason}")

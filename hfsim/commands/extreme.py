@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from hfsim.commands import interrupted
 from hfsim.commands.options import PLACE, refuse_unknown, talk_options, time_option, workers_options
 from hfsim.output.study import Study
-from hfsim.output.talk import Destination, Talk, print_error
+from hfsim.output.talk import Destination, Talk
 from hfsim.output.text import Column, brief, plural, table, wrapped
 from hfsim.scene.shipped import CASES
 
@@ -72,8 +73,7 @@ def extreme(
 
 def _exit_code(result: Extreme) -> int:
     if result.interrupted:
-        print_error("interrupted")
-        return 130
+        return interrupted()
     return 0 if result.held == len(result.cases) else 4
 
 

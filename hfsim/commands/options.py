@@ -228,23 +228,16 @@ def time_option(name: str, words: str, default: str | None = None) -> _Option:
     )
 
 
-def repeats_option(
-    words: str = "Time short solves so often and take the median.", default: int = 3
-) -> _Option:
+def repeats_option(words: str, default: int = 3) -> _Option:
     """Return the option that says how often something is timed."""
     kind = click.IntRange(min=1)
     return click.option("--repeats", type=kind, default=default, show_default=True, help=words)
 
 
-def jobs_option(default: int = 0, words: str = "Processes at a time.") -> _Option:
-    """Return the option that says how many processes work at a time; two unless told."""
-    return click.option(
-        "--jobs",
-        type=click.IntRange(min=1),
-        default=default or min(2, os.cpu_count() or 1),
-        show_default=True,
-        help=words,
-    )
+def jobs_option(default: int, words: str = "Processes at a time.") -> _Option:
+    """Return the option that says how many processes work at a time."""
+    kind = click.IntRange(min=1)
+    return click.option("--jobs", type=kind, default=default, show_default=True, help=words)
 
 
 def _workers_options(jobs: _Option) -> Callable[[_Function], _Function]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from hfsim.commands import interrupted
 from hfsim.commands.decks import (
     load_decks,
     usual_models,
@@ -27,7 +28,7 @@ from hfsim.commands.options import (
     workers_options,
 )
 from hfsim.output.study import Study, time_to_draw
-from hfsim.output.talk import Destination, Talk, print_error
+from hfsim.output.talk import Destination, Talk
 
 if TYPE_CHECKING:
     from hfsim.scene.loading import LoadedDeck
@@ -164,7 +165,7 @@ def do_map(loaded: LoadedDeck, plan: Plan, study: Study, asked: Asked, executor:
     with as_usage(), Progress(f"{loaded.deck.name}, stability", sys.stderr, study.talk.quiet) as progress:
         result = stability_map(loaded, plan, asked.bisect, progress, asked.ending, executor)
     publish_map(result, study, asked.ending)
-    return _exit_code(result.status)
+    return interrupted() if result.status == "interrupted" else 0
 
 
 def do_limits(
@@ -178,11 +179,4 @@ def do_limits(
     results = limits_of_models(
         loaded, wanted, plan.methods, plan.seconds, plan.limit, plan.jobs, executor
     )
-    return _exit_code(publish_limits(results, study))
-
-
-def _exit_code(status: str) -> int:
-    if status == "interrupted":
-        print_error("interrupted; what was computed until then is kept")
-        return 130
-    return 0
+    return interrupted() if publish_limits(results, study) == "interrupted" else 0

@@ -129,10 +129,9 @@ def samples_of(
     return SceneSamples(scene, t, q, v, turns, past)
 
 
-def compute_channels(samples: SceneSamples, names: Sequence[str] = ()) -> tuple[Channel, ...]:
-    """Return some columns, or all that the deck asks for."""
-    names = names or samples.scene.deck.channels
-    return channels_of(names, table_of(samples, names))
+def compute_channels(samples: SceneSamples) -> tuple[Channel, ...]:
+    """Return all columns that the deck asks for."""
+    return channels_of(samples.scene.deck.channels, table_of(samples))
 
 
 def table_of(samples: SceneSamples, names: Sequence[str] = ()) -> Array:
@@ -204,7 +203,7 @@ def outlines_of(samples: Sequence[SceneSamples]) -> Outlines:
 
 
 def _refined(points: Array, count: int) -> Array:
-    """Return polylines (n_times, n_points, 2) with straight pieces cut until there are ``count`` points."""
+    """Return polylines (n_times, n_points, n_dim) with straight pieces cut until there are ``count`` points."""
     n = points.shape[1]
     if n == count:
         return points

@@ -10,8 +10,8 @@
 #include <Python.h>
 #include <stdint.h>
 
-/* twice, for processors with and without wide vectors, where the compiler and the C library can choose at start;
- * products of matrices a third time, for still wider ones */
+/* once for each kind of vectors, where the compiler and the C library can choose at start; products of matrices once
+ * more, in pieces for the widest */
 #if !defined(__SANITIZE_ADDRESS__) && defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
 #if __GNUC__ >= 12
 #define WIDE __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hfsim.errors import INTERRUPTIONS
 from hfsim.marching.integration import Integration, run_integration
 from hfsim.marching.solution import Run
 from hfsim.marching.stop import Budget, Progress
@@ -57,7 +58,7 @@ def uninterrupted(run: Run) -> Run:
     ------
     KeyboardInterrupt
     """
-    if run.exit_code in (130, 143):
+    if run.exit_code in INTERRUPTIONS:
         raise KeyboardInterrupt
     return run
 

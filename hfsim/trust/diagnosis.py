@@ -31,6 +31,7 @@ from hfsim.trust.experiments import (
     GOOD_BALANCE,
     Experiments,
     command,
+    command_exact,
     joint_dependence,
     left_out_counts,
     listed,
@@ -154,7 +155,7 @@ def _truncated_model(stop: SolverFailure, trial: Experiments) -> SolverFailure |
         return None
     name, term, sizes = _largest_term(stop, trial)
     evidence = {"term": term, **sizes, **trial.outcomes}
-    found = _classed(stop, "model", f"bodies.{name}", evidence, trial.command_exact(name))
+    found = _classed(stop, "model", f"bodies.{name}", evidence, command_exact(trial.scene, name))
     return found if found.cause else replace(found, cause="it goes away with the model exact")
 
 

@@ -176,10 +176,6 @@ class Experiments:
         """Return the command that runs the deck until shortly before it stopped."""
         return command(self.scene.loaded, {"solve.duration": float(f"{self.stop_time * 0.98:.3g}")})
 
-    def command_exact(self, name: str, force: bool = False) -> str:
-        """Return the command that runs the deck with a beam in the model exact."""
-        return command_exact(self.scene, name, force)
-
 
 def joint_dependence(scene: Scene, q: Array) -> Dependence:
     """Return how near joint equations are to depending on one another in a state (n,), if any are solved.

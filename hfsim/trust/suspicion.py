@@ -20,6 +20,7 @@ from hfsim.trust.experiments import (
     Experiments,
     Update,
     command,
+    command_exact,
     joint_dependence,
     listed,
 )
@@ -93,7 +94,7 @@ def _suspicious_balance(trial: Experiments, drift: float) -> SolverFailure | Non
     beams = [body for body in scene.system.variable_mass if body.truncated]
     if beams and trial.passes_exact():
         reason = f" whatever the steps, and is kept by exact: {beams[0].model} breaks it"
-        remedy = trial.command_exact(beams[0].name, force=True)
+        remedy = command_exact(trial.scene, beams[0].name, force=True)
         item = f"bodies.{beams[0].name}"
         return failure(reason, item, "model", remedy, term="inertia forces of third order")
     if (passed := singular_position(scene, trial.done.trajectory)) is not None:
@@ -145,7 +146,7 @@ def _left_range(trial: Experiments, validity: dict[str, Any]) -> SolverFailure |
     name = min(left, key=lambda one: float(left[one]["left_at"]))
     reason = f"body '{name}' left the range of {trial.scene.models[name]}: {left[name]['reason']}"
     evidence = dict(left[name]["largest"])
-    remedy = trial.command_exact(name, force=True)
+    remedy = command_exact(trial.scene, name, force=True)
     return SolverFailure(reason, left[name]["left_at"], f"bodies.{name}", "model", evidence, remedy)
 
 

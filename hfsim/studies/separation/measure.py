@@ -64,7 +64,7 @@ def _peak_bytes(work: Callable[[], object]) -> int:
         tracemalloc.stop()
 
 
-def _difference(values: Array, truth: Array, scale: float | None = None) -> float:
+def _difference(values: Array, truth: Array, scale: float | None) -> float:
     gap = float(np.abs(values - truth).max() / (scale or np.abs(truth).max()))
     return gap if math.isfinite(gap) else math.inf
 

@@ -29,7 +29,7 @@ class Row:
     verdict : str
         ``held``, ``missed``, ``failed`` or ``not computed``.
     time_error : float or None
-        How far the value of a run moved with a tenth of the tolerance, about its error in time.
+        How far the value of a run moved with smaller steps, about its error in time.
     reason : str
         Why there is no value, or why the verdict is not what the difference would be.
     """
