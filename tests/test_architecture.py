@@ -65,24 +65,19 @@ def graph():
     return found
 
 
-def imports(tree):
+def imports(node, at_module=True, typing_only=False):
     """Yield (module, at module level?, for type checkers only?) of every import."""
-    deferred, typing_only = set(), set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            deferred |= {id(child) for child in ast.walk(node)}
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
-            typing_only |= {id(child) for child in ast.walk(node)}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom):
-            assert node.level == 0, "write absolute imports"
-            names = [f"hfsim.{a.name}" for a in node.names] if node.module == "hfsim" else [node.module]
-        elif isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        else:
-            continue
-        for name in names:
-            yield name, id(node) not in deferred, id(node) in typing_only
+    if isinstance(node, ast.ImportFrom):
+        assert node.level == 0, "write absolute imports"
+        names = [f"hfsim.{a.name}" for a in node.names] if node.module == "hfsim" else [node.module]
+        yield from ((name, at_module, typing_only) for name in names)
+    elif isinstance(node, ast.Import):
+        yield from ((alias.name, at_module, typing_only) for alias in node.names)
+    at_module = at_module and not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    typing_only = typing_only or (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test))
+    for inner in ast.iter_child_nodes(node):
+        if isinstance(inner, ast.stmt | ast.excepthandler | ast.match_case):
+            yield from imports(inner, at_module, typing_only)
 
 
 def cases():
