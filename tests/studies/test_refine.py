@@ -247,9 +247,9 @@ def test_finer_levels_that_fail_end_the_search(monkeypatch):
 
 
 def test_the_budget_is_kept():
-    start = time.perf_counter()
+    start = time.process_time()  # however busy the machine is
     run, _ = refine(pendulum(1e-9, "solve.budget=1.0"))
-    used = time.perf_counter() - start
+    used = time.process_time() - start
     found = run.statistics["refinement"]
     assert (run.status, run.exit_code, found["status"]) == ("limit", 5, "limit")
     assert used < 1.6
@@ -267,9 +267,9 @@ def test_a_budget_below_one_level_keeps_what_was_computed(monkeypatch):
 def test_a_level_that_would_not_fit_is_not_begun(monkeypatch):
     """The coarse mesh fails; the deck's own would need 512 matrices of 1024 x 1024 and minutes."""
     deck = ("solve.model=lowOrder", "bodies.b1.elements=512")
-    start = time.perf_counter()
+    start = time.process_time()
     run, _ = refine(pendulum(1e-3, *deck, "solve.budget=5.0"))
-    assert time.perf_counter() - start < 4.0
+    assert time.process_time() - start < 4.0
     assert (run.status, run.exit_code) == ("limit", 5)
     assert "mass matrix" in run.reason and "the next level would take about" in run.reason
     monkeypatch.setattr("hfsim.scene.memory.available", lambda: 2e8)
