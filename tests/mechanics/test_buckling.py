@@ -48,7 +48,12 @@ solve: {duration: 1.0}
 
 @pytest.mark.parametrize(
     "overrides",
-    [[], ["bodies.b.elements=40"], ["solve.model=lowOrder"], ["bodies.b.element=cable", "bodies.b.degree=5"]],
+    [
+        [],
+        ["bodies.b.elements=40"],
+        pytest.param(["solve.model=lowOrder"], marks=pytest.mark.slow),
+        ["bodies.b.element=cable", "bodies.b.degree=5"],
+    ],
 )
 def test_a_round_column_gives_way_to_both_sides_wherever_it_points(overrides):
     """Rounding makes a complex pair of the two factors where the motions do not lie along coordinates."""
@@ -385,7 +390,7 @@ solve: {duration: 1.0}
 """
 
 
-@pytest.mark.parametrize("length", [1.0, 1e3])
+@pytest.mark.parametrize("length", [pytest.param(1.0, marks=pytest.mark.slow), 1e3])
 def test_what_is_rolled_up_never_gives_way(length):
     """An arc of a circle at any moment; estimates lie equally far ahead of each, and so come back to some."""
     run = hfsim.static(parse_deck(ROLLED, overrides=[f"parameters.L={length}"]), buckling=3)
@@ -693,7 +698,14 @@ solve: {duration: 1.0}
 """
 
 
-@pytest.mark.parametrize(("aside", "limit"), [(0.1, 0.1656632), (10.0, 0.1656573), (100.0, 0.1656340)])
+@pytest.mark.parametrize(
+    ("aside", "limit"),
+    [
+        (0.1, 0.1656632),
+        pytest.param(10.0, 0.1656573, marks=pytest.mark.slow),
+        pytest.param(100.0, 0.1656340, marks=pytest.mark.slow),
+    ],
+)
 def test_the_path_of_an_arch_that_is_pushed_aside_a_little_turns_round_with_it(aside, limit):
     """Next to the branch of the even arch, at 0.1656635; it comes by another, and turns there too."""
     run = hfsim.static(parse_deck(GABLE), {"loads.push.force": [aside, -60000.0]}, path=True)

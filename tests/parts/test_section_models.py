@@ -216,7 +216,7 @@ def test_a_rigid_beam_that_cannot_move_is_where_it_was():
     assert still.marker(still.points["tip"]).position(np.zeros((1, 0))) == pytest.approx(tip, abs=1e-14)
 
 
-@pytest.mark.parametrize("gamma", [1, 5])
+@pytest.mark.parametrize("gamma", [pytest.param(1, marks=pytest.mark.slow), 5])
 def test_frequencies_of_a_rotating_blade(gamma):
     """Cases S3 to S5: exact follows the stiffening, linear loses it."""
     exact = frequencies(spectrum("exact", gamma, 700.0, loaded=True, element="cosserat"))

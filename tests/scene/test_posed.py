@@ -334,7 +334,7 @@ STANDING = "joints.A3.orientation={axis: [0, 1, 0], angle: 0}"
 
 
 @pytest.mark.parametrize("more", [(), (STANDING,)])
-@pytest.mark.parametrize("fold", [10.0, 60.0, 80.0])
+@pytest.mark.parametrize("fold", [pytest.param(10.0, marks=pytest.mark.slow), pytest.param(60.0, marks=pytest.mark.slow), 80.0])
 def test_a_loop_in_space_closes_with_its_hinges_as_they_state_their_axes(fold, more):
     """The plate was taken to stand as B3 has it at angle zero, with the axis of A3 there, and did not close."""
     angles = {"A1": -fold, "A2": 2.0 * fold - 180.0, "B1": fold, "B2": 180.0 - 2.0 * fold}
