@@ -106,6 +106,11 @@ class Stepping:
     def _at_end(self) -> bool:
         return self.path.t_end >= self._almost
 
+    @property
+    def on_the_brink(self) -> bool:
+        """Whether the last step has ended at a break, and the next takes first what happens there."""
+        return not self._at_end and self.path.t_end >= self._stretch[1]
+
     def memory(self) -> Memory:
         """Return all that the steps after the last kept one depend on; valid between any two steps.
 

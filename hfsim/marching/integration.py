@@ -156,7 +156,7 @@ def _recorded(steps: Steps | Together, scene: Scene, record: Record) -> Stop:
         if memory is not None:
             steps.recall(memory)
         for _ in steps:
-            if record.due(steps.path, steps.counts):
+            if not steps.on_the_brink and record.due(steps.path, steps.counts):
                 with SHIELD:
                     steps.settle()
                     record.close(steps.path, steps.counts, steps.memory)

@@ -203,7 +203,7 @@ def outlines_of(samples: Sequence[SceneSamples]) -> Outlines:
 
 
 def _refined(points: Array, count: int) -> Array:
-    """Return polylines (n_times, n_points, n_dim) with straight pieces cut until there are ``count`` points."""
+    """Return polylines (n_times, n_points, n_dim), straight pieces cut until they have ``count`` points."""
     n = points.shape[1]
     if n == count:
         return points

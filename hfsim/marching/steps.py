@@ -56,6 +56,11 @@ class Steps:
         """What they have cost."""
         return self.problem.counts
 
+    @property
+    def on_the_brink(self) -> bool:
+        """Whether the next step takes first what happens where the last has ended."""
+        return self._stepping.on_the_brink
+
     def __iter__(self) -> Iterator[None]:
         """Make steps until the end, or until something stops them."""
         try:
@@ -128,11 +133,17 @@ class Together:
         moving = {strand.bodies: iter(strand.steps) for strand in self._strands}
         while self.t < self._t_end:
             behind = min(self._strands, key=lambda strand: strand.t)
-            if next(moving[behind.bodies], None) is None and behind.steps.stop is not None:
+            next(moving[behind.bodies], None)
+            if behind.steps.stop is not None:
                 self.stop = _named(behind.steps.stop, behind.bodies)
                 break
             yield None
         self.settle()
+
+    @property
+    def on_the_brink(self) -> bool:
+        """Whether a part that is no further than the whole takes first what happens there."""
+        return any(strand.steps.on_the_brink and strand.t <= self.t for strand in self._strands)
 
     @property
     def t(self) -> float:
