@@ -48,10 +48,9 @@ class BodySpec(Spec):
         """Return the body, its coordinates from a column on; the model is that of a body that deforms."""
         raise NotImplementedError
 
-    @property
-    def size(self) -> int:
-        """Number of its absolute coordinates, near enough."""
-        return 3
+    def size(self, n_dim: int) -> int:
+        """Return the number of its absolute coordinates; here those of a rigid body."""
+        return 3 if n_dim == 2 else 12
 
     def default_channels(self, n_dim: int) -> tuple[str, ...]:
         """Return what is written of it where a deck names no channels."""

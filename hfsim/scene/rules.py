@@ -325,7 +325,7 @@ def _work(deck: Deck, models: Models) -> Items:
 )
 def _parts(deck: Deck, models: Models) -> Items:
     """Return groups of bodies that no joint or spring connects, the ground apart; none if all are one."""
-    if deck.solve.step is not None or sum(body.size for body in deck.bodies.values()) < PARTS_FROM:
+    if deck.solve.step is not None or sum(b.size(deck.dimension) for b in deck.bodies.values()) < PARTS_FROM:
         return ()
     groups = connected(deck, still_bodies(deck, models))
     return tuple(", ".join(group) for group in groups) if len(groups) > 1 else ()

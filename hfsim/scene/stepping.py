@@ -28,8 +28,8 @@ def stepping(deck: Deck, models: Mapping[str, str]) -> _Coordinates:
     if stated != "auto":
         return stated
     kinds = _stepping_in(deck, models, stated)
-    framed = (deck.bodies[beam].size for beam, kind in kinds.items() if kind.frame and not kind.varying_mass)
-    return "absolute" if sum(framed) >= MANY else stated
+    framed = [beam for beam, kind in kinds.items() if kind.frame and not kind.varying_mass]
+    return "absolute" if sum(deck.bodies[beam].size(deck.dimension) for beam in framed) >= MANY else stated
 
 
 def unread(loaded: LoadedDeck) -> Iterator[tuple[str, str]]:

@@ -192,8 +192,9 @@ class Cluster(Executor):
                 if future.status in _ANEW:
                     pool.add(future)
                     continue
-                _, task = under_way.pop(future.key)
-                yield from self._taken(future, task)
+                outcome = self._taken(future, under_way[future.key][1])
+                del under_way[future.key]
+                yield outcome
         finally:
             self._queue.extendleft(task for _, task in reversed(under_way.values()))
             with suppress(Exception):
@@ -218,7 +219,7 @@ class Cluster(Executor):
         own = (_versions(), self.texts, task.function, task.argument)
         return self.client.submit(_work, *own, key=f"hfsim-{uuid.uuid4().hex}", pure=False)
 
-    def _taken(self, future: Any, task: Task) -> Iterator[Outcome]:
+    def _taken(self, future: Any, task: Task) -> Outcome:
         if future.status == "finished":
             try:
                 value, why, differences = future.result()
@@ -226,14 +227,13 @@ class Cluster(Executor):
                 raise ClusterLost(f"the scheduler was lost: {type(gone).__name__}") from gone
             if differences:
                 raise ClusterError(f"a worker has other versions: {differences}")
-            yield Outcome(task.key, value, why)
-            return
+            return Outcome(task.key, value, why)
         if future.status != "error":
             raise ClusterLost("the scheduler was lost")
         error = future.exception()
         if isinstance(error, ImportError):
             raise ClusterError(f"a worker cannot import what it needs: {error}")
-        yield Outcome(task.key, lost=f"workers died with it: {type(error).__name__}: {error}")
+        return Outcome(task.key, lost=f"workers died with it: {type(error).__name__}: {error}")
 
 
 def _versions() -> dict[str, str]:

@@ -9,6 +9,7 @@ import pytest
 from cantilevers import at_rest
 from scipy.optimize import brentq
 
+import hfsim
 from hfsim.commands.init import starters
 from hfsim.errors import DeckError
 from hfsim.scene import start
@@ -400,3 +401,30 @@ def test_what_hangs_slack_is_refused_with_the_arc_that_closes(span, space):
     line = scene.bodies["rope"].outline(at_rest(scene))[0]
     a = brentq(lambda a: 2.0 * a * np.sinh(0.5 * span / a) - 1.0, 0.02, 10.0)
     assert line[:, -1].min() == pytest.approx(a * (1.0 - np.cosh(0.5 * span / a)), rel=1e-2)
+
+
+@pytest.mark.parametrize("space", [2, 3])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        {"type": "rigid", "mass": 1.0, "inertia": 1.0},
+        {"element": "cable", "degree": 5},
+        {"element": "cosserat", "degree": 2},
+        {"element": "continuum", "degree": 4, "section_degree": 3},
+    ],
+    ids=lambda kind: kind.get("element", "rigid"),
+)
+def test_bodies_know_how_many_coordinates_they_will_have(kind, space):
+    beam = {"type": "beam", "material": "m", "section": "s", "length": 1.0, "elements": 3}
+    inertia = {"inertia": [1.0] * 3} if space == 3 and "mass" in kind else {}
+    deck = {
+        "hfsim": 1,
+        "gravity": [0.0] * space,
+        "materials": {"m": {"density": 1.0, "youngs_modulus": 1.0}},
+        "sections": {"s": {"shape": "rectangle", "width": 0.1, "height": 0.1}},
+        "bodies": {"b": (kind | inertia if "mass" in kind else beam | kind)},
+        "solve": {"duration": 1.0},
+    }
+    loaded = hfsim.load(deck)
+    columns = build(loaded).bodies["b"].columns
+    assert loaded.deck.bodies["b"].size(space) == columns.stop - columns.start

@@ -7,7 +7,9 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager
+from functools import partialmethod
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -15,7 +17,8 @@ pytest.importorskip("distributed")
 
 from hfsim.deck.files import sent
 from hfsim.scene.loading import load_deck, parse_deck
-from hfsim.studies.cluster import ClusterError, Workers, _work
+from hfsim.studies.cluster import Cluster, ClusterError, Workers, _work
+from hfsim.studies.farm import Task
 
 DECK = """
 hfsim: 1
@@ -162,6 +165,36 @@ def test_what_a_lost_scheduler_leaves_is_gone_on_with(wheel, tmp_path_factory):
 
 
 @pytest.mark.slow
+class LosesThird:
+    """A client whose scheduler is gone when the third job is fetched."""
+
+    jobs = 0
+
+    def nthreads(self):
+        return {"a worker": 1}
+
+    def submit(self, *given, key, pure):
+        self.jobs += 1
+        status = "finished" if self.jobs < 3 else "cancelled"
+        return SimpleNamespace(key=key, status=status, result=lambda: (1.0, "", ""))
+
+    def cancel(self, futures):
+        pass
+
+
+class Pool(list):
+    add, has_ready, __next__ = list.append, list.__len__, partialmethod(list.pop, 0)
+
+
+def test_the_job_at_which_a_scheduler_is_lost_is_none_that_was_done(monkeypatch):
+    monkeypatch.setattr("hfsim.studies.cluster._distributed", lambda: SimpleNamespace(as_completed=Pool))
+    jobs, done = Cluster(1, client=LosesThird()), []
+    for key in range(6):
+        jobs.add(Task(key, print, key))
+    jobs.serve(lambda outcome: done.append(outcome.key))
+    assert (done, jobs.unreached()) == ([0, 1], [2, 3, 4, 5])
+
+
 def test_no_scheduler_is_told_before_anything_runs(wheel):
     told = finished(sweep("none", "--dask", "tcp://127.0.0.1:9"), 2)
     assert "no scheduler answers" in told

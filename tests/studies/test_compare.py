@@ -284,6 +284,8 @@ def test_a_diverged_model_gives_finite_numbers():
 def test_overlay_axis_follows_the_reference_when_a_model_diverges():
     reference = np.array([-1.0, 1.0])
     assert overlay_limits(reference, [np.array([-1.2, 1.1])])[2] is False
+    small = overlay_limits(1e-18 * reference, [np.array([-1.2e-18, 1.1e-18])])
+    assert np.array(small[:2]) == pytest.approx(1e-18 * np.array(overlay_limits(reference, [])[:2]), rel=0.2)
     low, high, clipped = overlay_limits(reference, [np.array([-1e200, 1e200])])
     assert (low, high, clipped) == (-3.0, 3.0, True)
 

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import yaml
 from blades import BLADE, CORIOLIS, ELEMENTS, FLAP, LAG, LAG_LINEAR
 from click.testing import CliRunner
 from scipy.optimize import brentq
@@ -449,6 +450,21 @@ def test_a_thousand_elements_take_seconds():
     # rounding of the stiffness, which grows with the fourth power of the elements, is told
     for mode, value in zip(found.modes, expected, strict=False):
         assert abs(mode.value.imag - value) < mode.uncertainty + 1e-6 * value
+
+
+def test_matrices_of_what_cannot_move_are_empty(tmp_path):
+    deck = {
+        "hfsim": 1,
+        "bodies": {"a": {"type": "rigid", "mass": 1.0, "inertia": 0.1}},
+        "joints": {"j": {"type": "fixed", "between": ["ground", "a"]}},
+        "solve": {"duration": 1.0},
+    }
+    (tmp_path / "fixed.yaml").write_text(yaml.safe_dump(deck))
+    given = ["modes", str(tmp_path / "fixed.yaml"), "-o", str(tmp_path / "out"), "--no-plots"]
+    done = CliRunner().invoke(app, [*given, "--matrices", str(tmp_path / "m.npz")])
+    assert done.exit_code == 0, done.output
+    with np.load(tmp_path / "m.npz") as arrays:
+        assert arrays["A"].shape == (0, 0) and arrays["T"].shape == (len(arrays["names"]), 0)
 
 
 def test_the_command_writes_what_it_tells(tmp_path):

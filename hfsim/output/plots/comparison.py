@@ -135,7 +135,7 @@ def overlay_limits(reference: np.ndarray, curves: Sequence[np.ndarray]) -> tuple
     (-0.05, 2.0, True)
     """
     low, high = float(reference.min()), float(reference.max())
-    span = max(high - low, 1e-9 * max(abs(low), abs(high)), 1e-15)
+    span = max(high - low, 1e-9 * max(abs(low), abs(high)))
     middle = 0.5 * (low + high)
     floor, ceiling = middle - 0.5 * _CLIP * span, middle + 0.5 * _CLIP * span
     bottom = min([low, *(float(values.min()) for values in curves)])

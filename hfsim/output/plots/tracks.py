@@ -140,7 +140,8 @@ def bounds(points: Array, least: float = 0.12) -> Array:
     No side is shorter than a part ``least`` of the longest.
     """
     low, high = points.min(axis=0), points.max(axis=0)
-    size = np.maximum(high - low, least * max(float((high - low).max()), 1e-9))
+    longest = max(float((high - low).max()), 1e-9 * float(np.abs(points).max())) or 1.0
+    size = np.maximum(high - low, least * longest)
     middle = 0.5 * (low + high)
     return np.array([middle - 0.55 * size, middle + 0.55 * size])
 

@@ -172,15 +172,15 @@ class BeamSpec(BodySpec):
         """Return that it has no such model, and what to take."""
         return missing(model, self.in_space(n_dim).element or "", n_dim)
 
-    @property
-    def size(self) -> int:
-        """Number of coordinates of the nodes and of the elements' interiors."""
-        if self.element == "cosserat":
-            return 9 * (self.elements * self.degree + 1)
-        if self.element == "continuum":
-            inner = self.degree + self.section_degree - 4
-            return 6 * (self.elements + 1) + 2 * inner * self.elements
-        return 4 * (self.elements + 1) + 2 * (self.degree - 3) * self.elements
+    def size(self, n_dim: int) -> int:
+        """Return the number of coordinates of the nodes and of the elements' interiors, if it deforms."""
+        element, sections = self.in_space(n_dim).element, n_dim - 1
+        if element == "cosserat":
+            return n_dim**2 * (self.elements * self.degree + 1)
+        vectors = 2 * (self.elements + 1) + (self.degree - 3) * self.elements
+        if element == "continuum":
+            vectors += sections * (self.section_degree * self.elements + 1)
+        return n_dim * vectors
 
     def in_space(self, n_dim: int) -> Self:
         """Return the beam with its length, and with an element: that usual in a space if it states none."""

@@ -57,7 +57,7 @@ def reduced(found: Modes) -> tuple[Array, Array]:
     shapes are of unit mass. The eigenvalues of A include those of the modes.
     """
     motions = found.about.motions
-    free = np.array([mode.change for mode in found.modes]).reshape(len(found.modes), -1).T
+    free = np.array([mode.change for mode in found.modes]).reshape(-1, motions.x.size).T
     both = np.hstack([free.real, free.imag])
     momentum = found.about.scene.system.equations.momentum
     gram = both.T @ momentum(motions.x[None], both.T).T
