@@ -155,7 +155,9 @@ def rows(schema: dict[str, Any], entries: list[Any], skip: Any, inside: str) -> 
         if key in skip:
             continue
         values = [entry[key] for entry in entries if isinstance(entry, dict) and key in entry]
-        default = "-" if key in schema.get("required", ()) else shown(one["default"]) if "default" in one else "*none*"
+        refused = [way["exclusiveMinimum"] for way in (one, *one.get("anyOf", ())) if "exclusiveMinimum" in way]
+        stated = "default" in one and one["default"] not in refused  # what no deck may say stands for none
+        default = "-" if key in schema.get("required", ()) else shown(one["default"]) if stated else "*none*"
         shown_values = (shown(value) for value in values)
         what = value_of(one)
         example = next((text for text in shown_values if len(text) <= LONGEST), "") or usual(key, one, what)

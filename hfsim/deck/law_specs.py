@@ -183,7 +183,7 @@ class SineSpec(LawSpec):
 
 
 class ExpressionSpec(LawSpec):
-    """An expression of t [s] in SI: numbers with units, parameters, + - * / ** and functions of `math`."""
+    """An expression of t [s] in SI: numbers with units, parameters, + - * / ** and functions as `sin`."""
 
     type: Literal["expression"] = "expression"
 

@@ -107,8 +107,8 @@ class BeamSpec(BodySpec):
 
     degree: Annotated[int, whole(1, 12)] = 3
     """Degree of the shapes [-]: of a cable 3 or more, cubic Hermite and degree - 3 interior functions;
-    of a continuum element likewise, see section_degree; of a cosserat element any, so many intervals between
-    nodes."""
+    of a continuum element 3, or more with a section_degree above 1; of a cosserat element any, so many
+    intervals between nodes."""
 
     section_degree: Annotated[int, whole(1, 11)] = 1
     """Degree of the section vectors of a continuum element along its axis [-]: 1 in the paper; one less than
