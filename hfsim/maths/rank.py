@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import DENSE_UP_TO, Entries, Matrix, assemble, factorised, is_sparse
 
 LOST = 1e-9
@@ -98,6 +98,15 @@ def null_space(rows: Array, largest: float | None = None) -> Array:
     _, sizes, right = np.linalg.svd(rows, full_matrices=True)
     size = sizes.max(initial=0.0) if largest is None else largest
     return np.asarray(right[int(np.sum(sizes > LOST * size)) :].T)
+
+
+def spanning(vectors: Array) -> IntArray:
+    """Return the numbers of vectors, of (n, k), that span what all of them do."""
+    from scipy.linalg import qr
+
+    _, left, order = qr(vectors.T, mode="economic", pivoting=True)
+    sizes = np.abs(np.diagonal(left))
+    return np.asarray(order[: np.count_nonzero(sizes > LOST * sizes[0])])
 
 
 def _unit(Phi_x: Matrix) -> Matrix:

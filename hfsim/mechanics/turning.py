@@ -18,6 +18,7 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
 from hfsim.maths.rotations import freedoms, spun
+from hfsim.mechanics.nearest_rates import NOISE, SINGULAR, evening, least, nearest, split
 from hfsim.mechanics.pose import Twist
 from hfsim.mechanics.rotors import own_turns
 
@@ -27,14 +28,6 @@ if TYPE_CHECKING:
 
 APART = 1e-2
 """Part of the energy of rates that may be other than that of a rigid motion which stands for them."""
-SINGULAR = 1e-9
-"""Part of its energy in others from which down a rigid motion is one by itself."""
-NOISE = 10.0
-"""Factor on rounding, and on the relative error of a fit, below which a share of it is none."""
-CANCELLED = 1e2
-"""Energy of own turns that rates leave open, over that of all, beyond which they undo what is not there."""
-_ROUNDING = 1e-12
-"""The least relative error."""
 
 
 @frozen
@@ -101,10 +94,29 @@ class Turning:
         return cls(matrix, shift, travel, spin, centre, moving)
 
     @classmethod
-    def units(cls, bodies: Iterable[Body], n_dim: int, sparse: bool | None = None) -> list[Turning]:
-        """Return shifts of everything along the axes of the ground, then turns about these."""
+    def units(
+        cls, bodies: Iterable[Body], n_dim: int, sparse: bool | None = None, centre: Array | None = None
+    ) -> list[Turning]:
+        """Return shifts of everything along the axes of the ground, then turns about these, or a centre."""
         twists, each = (np.split(one, [n_dim]) for one in np.eye(freedoms(n_dim))), tuple(bodies)
-        return [cls.of(each, spin, np.zeros(n_dim), sparse, shift) for shift, spin in twists]
+        about = np.zeros(n_dim) if centre is None else centre
+        return [cls.of(each, spin, about, sparse, shift) for shift, spin in twists]
+
+    @classmethod
+    def about_mass(
+        cls, bodies: Sequence[Body], equations: Equations, x: Array, sparse: bool | None = None
+    ) -> list[Turning]:
+        """Return the same about the centre of mass at x (n_x,): far off, turns about the ground shift."""
+        n_dim = bodies[0].n_dim
+        units = cls.units(bodies, n_dim, sparse)
+        shifts, turns = np.split(np.array([one.rates(x[None])[0] for one in units]), [n_dim])
+        momenta = equations.momentum(x[None], shifts)
+        mass = float(momenta[0] @ shifts[0])
+        if not mass > 0.0:
+            return units
+        spins = np.eye(len(turns))
+        centre = -spun(spins, turns @ momenta.T / mass).sum(axis=0) / (n_dim - 1)
+        return cls.units(bodies, n_dim, sparse, centre)
 
     @classmethod
     def held_by_joints(cls, bodies: Sequence[Body], equations: Equations, x: Array) -> Turning | None:
@@ -148,31 +160,40 @@ class Turning:
             None where nothing turns, or where that leaves more than `APART` of the energy of the rates.
         """
         n_dim, sparse = bodies[0].n_dim, is_sparse(equations.constant_mass)
-        origin = np.zeros(n_dim)
-        units = np.eye(freedoms(n_dim) - n_dim)
-        spins = [cls.of(bodies, unit, origin, sparse) for unit in units]
-        shifts = [cls.of(bodies, 0.0 * units[0], origin, sparse, unit).travel for unit in np.eye(n_dim)]
+        units = cls.about_mass(bodies, equations, x, sparse)
+        shifts, spins = [one.travel for one in units[:n_dim]], units[n_dim:]
+        centre = spins[0].centre
         columns = np.array([*(one.rates(x[None])[0] for one in spins), *shifts])
+        factors, left = nearest(equations, x, columns, u)
+        _, sizes, ways = np.linalg.svd(columns.T, full_matrices=False)
+        idle = ways[sizes <= SINGULAR * sizes[0]]  # a straight line does not move as it turns about itself
+        spin, velocity = np.split(factors - idle.T @ (idle @ factors), [len(spins)])
+        rates = np.roll(columns, n_dim, axis=0)
+        # what shifts freely turns no less
+        free = _unheld(equations, x, rates, velocity)
+        inner = u - free @ rates[:n_dim]
+        own_turn = spin @ columns[: len(spins)]
+        energy, every, turning = (
+            float(equations.momentum(x[None], one[None])[0] @ one) for one in (inner, u, own_turn)
+        )
+        if not energy > SINGULAR**2 * every:
+            return None
         noise = NOISE**2 * float(equations.momentum(x[None], blur[None])[0] @ blur)
-        rotors = cls._with_rotors(bodies, equations, x, u, a, noise, spins, columns, alone, sets)
-        if rotors is not None:
-            return rotors
-        factors, left = _nearest(equations, x, columns, u)
-        energy = float(equations.momentum(x[None], u[None])[0] @ u)
-        if not energy > 0.0 or left > APART * energy:
+        for moved, travel in ((u, 0.0 * free), (inner, free)) if free.any() else ((u, free),):
+            given = bodies, equations, x, moved, a, noise, spins, columns, alone, sets
+            if (rotors := cls._with_rotors(*given, travel)) is not None:
+                return rotors
+        if left > APART * energy or not turning > SINGULAR**2 * every:
             return None
-        spin, velocity = factors[: len(units)], factors[len(units) :]
-        turning = float(equations.kinetic_energy(x[None], spin @ columns[: len(units)][None])[0])
-        if not turning > APART**2 * energy:
-            return None
-        plain = cls.of(bodies, spin, origin, sparse)
+        plain = cls.of(bodies, spin, centre, sparse)
         # of the velocity across the spin, accelerations tell how much is that of the axis
         whirls = np.array([(plain.matrix @ one) for one in shifts])
-        own, rest = _nearest(equations, x, whirls, plain.matrix @ u - a)
+        own, rest = nearest(equations, x, whirls, plain.matrix @ u - a)
         size = float(equations.momentum(x[None], a[None])[0] @ a)
         along = (velocity @ spin) / (spin @ spin) * spin if n_dim == 3 else 0.0 * velocity
         for moving in (own + along, along) if rest <= APART**2 * size else (along,):
-            found = cls.of(bodies, spin, spun(spin, velocity - moving) / (spin @ spin), sparse, moving)
+            axis = centre + spun(spin, velocity - moving) / (spin @ spin)
+            found = cls.of(bodies, spin, axis, sparse, moving)
             if found._allowed(equations, t, x):
                 return found
         return found
@@ -180,17 +201,17 @@ class Turning:
     @classmethod
     def _with_rotors(
         cls, bodies: Sequence[Body], equations: Equations, x: Array, u: Array, a: Array, noise: float,
-        spins: Sequence[Turning], columns: Array, alone: bool, sets: Sequence[tuple[str, ...]],
+        spins: Sequence[Turning], columns: Array, alone: bool, sets: Sequence[tuple[str, ...]], travel: Array,
     ) -> Turning | None:  # fmt: skip
         """Return a steady motion in which round bodies turn by themselves; None if that is not what it is.
 
         Rates alone do not tell a turn of everything from that of a body: where they leave it open,
-        accelerations do.
+        accelerations do.  The axis moves on with travel (n_dim,) [m/s], which is not among the rates.
         """
         n, sparse, count = len(x), is_sparse(equations.constant_mass), len(spins)
         turns = own_turns(bodies, sets, equations, x, columns)
         own = {names: assemble([one], (n, n), sparse) for names, one in turns.items()}
-        if not own or not u.any():
+        if not own:
             return None
         ways = [
             *(one.matrix for one in spins),
@@ -200,29 +221,26 @@ class Turning:
         every = np.concatenate([columns, [matrix @ x for matrix in own.values()]])
         whirls = np.array([matrix @ u for matrix in ways])
         # a shaft next to nothing beside its disc in mass is no less at rest
-        even = _evening(columns, count)
-        together, apart, _ = _least(even * columns, even * u)
+        even = evening(equations, x, columns, count)
+        together, apart, _ = least(even * columns, even * u)
         unlike = apart > SINGULAR**0.5
-        split = _split(equations, x, u, a, noise, every, whirls, even, len(columns), unlike)
-        if split is None:
+        made = split(equations, x, u, a, noise, every, whirls, even, len(columns), unlike)
+        if made is None:
             return None
-        factors, missed = split
+        factors, missed = made
         size = float(equations.momentum(x[None], a[None])[0] @ a)
-        before = _nearest(equations, x, whirls[:0], a - together[:count] @ whirls[:count])[1]
+        before = nearest(equations, x, whirls[:0], a - together[:count] @ whirls[:count])[1]
         whole = apart <= max(NOISE * missed, SINGULAR**0.5) and before <= SINGULAR * size + noise
         if whole and (factors[: len(columns)].any() or not alone):
             return None
         spin, velocity, rates = np.split(factors, [count, len(columns)])
         square = float(spin @ spin)
-        centre = (
-            spun(spin, velocity) / square
-            if square > SINGULAR**2 * float(factors @ factors)
-            else 0.0 * velocity
-        )
-        found = cls.of(bodies, spin, centre, sparse)
-        turned = sum((rate * matrix for rate, matrix in zip(rates, own.values(), strict=True)), found.matrix)
+        turned = square > SINGULAR**2 * float(factors @ factors)
+        centre = spins[0].centre + spun(spin, velocity) / square if turned else 0.0 * velocity
+        found = cls.of(bodies, spin, centre, sparse, travel)
+        matrix = sum((rate * matrix for rate, matrix in zip(rates, own.values(), strict=True)), found.matrix)
         turning = {name: rate for one, rate in zip(own, rates.tolist(), strict=True) if rate for name in one}
-        return replace(found, matrix=turned, own=turning)
+        return replace(found, matrix=matrix, own=turning)
 
     def _allowed(self, equations: Equations, t: float, x: Array) -> bool:
         """Tell whether the joints allow the accelerations."""
@@ -233,6 +251,10 @@ class Turning:
         )
         size = float(np.abs(a).max(initial=0.0))
         return max(float(np.abs(one).max(initial=0.0)) for one in (missed, gaps)) <= APART**2 * size
+
+    def together(self, bodies: Iterable[Body]) -> Turning:
+        """Return the same where no body turns by itself."""
+        return self.of(bodies, self.spin, self.centre, is_sparse(self.matrix), self.velocity)
 
     def at_rate(self, rate: float) -> Turning:
         """Return the same at another angular velocity, of this size and sense [rad/s]."""
@@ -270,6 +292,14 @@ class Turning:
         return self.turned(changes, angle) - self.turned(0.0 * changes[:1], angle)
 
 
+def _unheld(equations: Equations, x: Array, rates: Array, velocity: Array) -> Array:
+    """Return the part of a velocity (n_dim,) of everything that joints allow by itself, as in `undriven`."""
+    ways, n_dim = undriven(equations, x, rates), len(velocity)
+    _, sizes, mixed = np.linalg.svd(ways[:, n_dim:].T)
+    shifts = (mixed[np.count_nonzero(sizes > SINGULAR) :] @ ways)[:, :n_dim]
+    return np.asarray(velocity @ shifts.T @ shifts)
+
+
 def undriven(equations: Equations, x: Array, rates: Array) -> Array:
     """Return velocities and spins (k, n_freedoms) of rigid motions that joints allow, at x (n_x,).
 
@@ -287,105 +317,6 @@ def undriven(equations: Equations, x: Array, rates: Array) -> Array:
     moving = moving[sizes > SINGULAR * sizes[0]]
     _, sizes, ways = np.linalg.svd(np.linalg.qr(np.concatenate([gaps, missed]) @ moving.T, mode="r"))
     return np.asarray(ways[np.count_nonzero(sizes > SINGULAR * max(1.0, sizes.max(initial=0.0))) :] @ moving)
-
-
-def _nearest(equations: Equations, x: Array, columns: Array, wanted: Array) -> tuple[Array, float]:
-    """Return factors (k,) of rates (k, n_x) that come nearest to wanted ones, and twice the energy left."""
-    if not len(columns):
-        return np.zeros(0), float(equations.momentum(x[None], wanted[None])[0] @ wanted)
-    momenta = equations.momentum(x[None], columns)
-    sizes = np.sqrt(np.maximum(np.sum(momenta * columns, axis=1), 0.0))
-    there = sizes > SINGULAR * sizes.max()
-    scale = np.where(there, 1.0, 0.0) / np.where(there, sizes, 1.0)
-    gram = (momenta @ columns.T) * np.outer(scale, scale)
-    factors = scale * (np.linalg.pinv(gram, rcond=SINGULAR, hermitian=True) @ (scale * (momenta @ wanted)))
-    left = wanted - factors @ columns
-    return factors, float(equations.momentum(x[None], left[None])[0] @ left)
-
-
-def _evening(columns: Array, count: int) -> Array:
-    """Return factors (n_x,) that make coordinates alike: lengths, those that shifts change, over the size.
-
-    Of rates (k, n_x), the first are rotations and the others shifts.
-    """
-    lengths = columns[count:].any(axis=0)
-    size = float(np.abs(columns[:count, lengths]).max(initial=0.0))
-    return np.where(lengths, 1.0 / size if size > 0.0 else 1.0, 1.0)
-
-
-def _split(
-    equations: Equations,
-    x: Array,
-    u: Array,
-    a: Array,
-    noise: float,
-    every: Array,
-    whirls: Array,
-    even: Array,
-    shared: int,
-    unlike: bool,
-) -> tuple[Array, float] | None:
-    """Return factors (k,) of rates (k, n_x) that make rates and accelerations, and the relative error.
-
-    Parameters
-    ----------
-    x, u, a : ndarray, shape (n_x,)
-    noise : float
-        Twice the energy that accelerations by rounding would be as rates.
-    every, whirls : ndarray, shape (k, n_x)
-        Rates, and accelerations that go with them.
-    even : ndarray, shape (n_x,)
-        What makes coordinates alike.
-    shared : int
-        Those of everything, before those of single bodies; none of them is wanted where the others do.
-    unlike : bool
-        Whether those of everything alone do not make the rates.
-
-    Returns
-    -------
-    tuple or None
-        None where they do not make the rates or, as far as these leave them open, the accelerations.
-    """
-    energy, size = (float(equations.momentum(x[None], one[None])[0] @ one) for one in (u, a))
-    factors, missed, idle = _least(even * every, even * u)
-    factors = factors + _nearest(equations, x, idle @ whirls, a - factors @ whirls)[0] @ idle
-    alone, error, _ = _least(even * every[shared:], even * u)
-    own = np.sum(equations.momentum(x[None], every[shared:]) * every[shared:], axis=1)
-    for one in (np.concatenate([np.zeros(shared), alone]), factors):
-        parts = u - one @ every, a - one @ whirls
-        left, rest = (float(equations.momentum(x[None], part[None])[0] @ part) for part in parts)
-        made = energy > 0.0 and left <= SINGULAR * energy
-        # where rates alone tell, what does not last yet accelerates by more
-        told = not len(idle) or (unlike and one is not factors)
-        made = made and (told or rest <= SINGULAR * size + noise)
-        made = made and (not len(idle) or one[shared:] ** 2 @ own <= CANCELLED * energy)
-        if made and (one is factors or error <= NOISE * (missed + _ROUNDING)):
-            blur = float(np.sqrt(rest / size)) if size and not told else 0.0
-            return _without_noise(even * every, even * u, one, missed + blur), missed
-    return None
-
-
-def _least(columns: Array, wanted: Array) -> tuple[Array, float, Array]:
-    """Return factors (k,) of rates (k, n) by least squares, the relative error, and what changes nothing.
-
-    The latter are combinations of factors, (n_idle, k).
-    """
-    sizes = np.linalg.norm(columns, axis=1)
-    sizes = np.where(sizes > 0.0, sizes, 1.0)
-    left, values, ways = np.linalg.svd((columns / sizes[:, None]).T, full_matrices=False)
-    told = values > SINGULAR**0.5 * values.max(initial=0.0)
-    factors = ((left.T[told] @ wanted) / values[told]) @ ways[told] / sizes
-    missed = float(np.linalg.norm(wanted - factors @ columns))
-    return factors, missed / (float(np.linalg.norm(wanted)) or 1.0), ways[~told] / sizes
-
-
-def _without_noise(columns: Array, wanted: Array, factors: Array, error: float) -> Array:
-    """Return factors (k,) with those at zero that are no more than a relative error of the whole makes."""
-    sizes = np.abs(factors) * np.linalg.norm(columns, axis=1)
-    kept = sizes > NOISE * (error + _ROUNDING) * sizes.max()
-    found = np.where(kept, factors, 0.0)
-    found[kept] += _least(columns[kept], wanted - found @ columns)[0]
-    return found
 
 
 def _bordered(matrix: Matrix, shift: Array) -> Matrix:

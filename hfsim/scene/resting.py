@@ -12,7 +12,6 @@ import numpy as np
 from hfsim.errors import NoStartError
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import dense, is_sparse
-from hfsim.maths.rotations import spun
 from hfsim.mechanics.statics.problem import Problem
 from hfsim.mechanics.statics.stability import neutral
 from hfsim.mechanics.turning import Turning
@@ -307,12 +306,8 @@ def _changes(scene: Measured, stated: Sequence[StatedRate], x: Array, u: Array) 
 
 def _about_mass(scene: Assembled, x: Array, turning: Turning) -> Turning:
     """Return the rotation about the centre of mass in coordinates (1, n_x)."""
-    bodies, n_dim = scene.bodies.values(), len(turning.centre)
-    shifts = Turning.units(bodies, n_dim)[:n_dim]
-    own = Turning.of(bodies, turning.spin, 0.0 * turning.centre).rates(x)[0]
-    momenta = scene.system.equations.momentum(x, np.array([one.travel for one in shifts]))
-    velocity = momenta @ own / (momenta[0] @ shifts[0].travel)
-    centre = -spun(turning.spin, velocity) / max(float(turning.spin @ turning.spin), 1e-300)
+    bodies = list(scene.bodies.values())
+    centre = Turning.about_mass(bodies, scene.system.equations, x[0])[-1].centre
     return Turning.of(bodies, turning.spin, centre, is_sparse(turning.matrix))
 
 

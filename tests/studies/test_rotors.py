@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 import hfsim
-from hfsim.mechanics.turning import _without_noise
+from hfsim.mechanics.nearest_rates import without_noise
 from hfsim.output.modes import campbell_text, state_warnings
 from hfsim.scene.loading import load_deck, parse_deck
 
@@ -585,5 +585,5 @@ def test_blades_that_turn_steadily_are_told_so_at_all_rates(case):
 
 
 def test_of_what_is_at_rest_nothing_is_left_to_tell_from_noise():
-    factors = _without_noise(np.eye(3)[:2], np.full(3, 1e-30), np.zeros(2), 1e-12)
+    factors = without_noise(np.eye(3)[:2], np.full(3, 1e-30), np.zeros(2), 1e-12)
     assert np.array_equal(factors, np.zeros(2))

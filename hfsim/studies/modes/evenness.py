@@ -6,8 +6,8 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.matrices import Matrix
+from hfsim.mechanics.nearest_rates import NOISE
 from hfsim.mechanics.small_motions import small_motions
-from hfsim.mechanics.turning import NOISE
 from hfsim.studies.modes.state import EVEN, About
 
 

@@ -318,8 +318,8 @@ def _kind(state: About, value: complex, uncertainty: float, doubled: bool, chang
 def _moves_all(state: About, change: ComplexArray) -> bool:
     """Tell whether everything is shifted and turned as one."""
     scene, x = state.scene, state.motions.x[None]
-    bodies, n_dim = list(scene.bodies.values()), scene.deck.dimension
-    rigid = np.array([one.rates(x)[0] for one in Turning.units(bodies, n_dim)])
+    units = Turning.about_mass(list(scene.bodies.values()), scene.system.equations, x[0])
+    rigid = np.array([one.rates(x)[0] for one in units])
     weighted = scene.system.equations.momentum(x, rigid)
     own = np.linalg.lstsq(weighted @ rigid.T, weighted @ change, rcond=None)[0]
     left = change - own @ rigid

@@ -19,9 +19,10 @@ from hfsim.marching.steps import State
 from hfsim.marching.stop import Progress
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
+from hfsim.mechanics.nearest_rates import NOISE
 from hfsim.mechanics.small_motions import SmallMotions, small_motions
 from hfsim.mechanics.system import System
-from hfsim.mechanics.turning import NOISE, Turning
+from hfsim.mechanics.turning import Turning
 from hfsim.scene.build import Scene
 from hfsim.scene.equilibrium import standing
 from hfsim.scene.rules import welded
