@@ -65,6 +65,8 @@ class SmallMotions:
         Relative error of the matrices.
     rounding : Matrix, shape (n, n)
         What the last digits of the coordinates do to the stiffness: tension of what is stiff, for one.
+    damped : bool
+        Whether forces depend on rates, other than those of inertia in axes that turn.
     """
 
     mass: Matrix
@@ -79,6 +81,7 @@ class SmallMotions:
     turning: Turning | None
     precision: float
     rounding: Matrix
+    damped: bool
 
     @property
     def pencil(self) -> Pencil:
@@ -120,6 +123,7 @@ def small_motions(
     if not system.variable_mass:
         rounding = rounding + rounding_of_joints(system, x, multipliers)
     D = resistance(system, time, x, u)
+    damped = bool(abs(D).sum() > 0.0)
     M = equations.mass(x)[0] if system.variable_mass else equations.constant_mass
     if turning is not None:
         W = turning.matrix
@@ -128,7 +132,8 @@ def small_motions(
     J = equations.phi.jacobian_at(x) @ reduction.basis
     M, D, K = (reduction.reduced(one) for one in (M, D, K))
     precision = BY_DIFFERENCES if system.variable_mass else _EXACT
-    return SmallMotions(M, D, K, J, x[0], u[0], a[0], blur[0], reduction.basis, turning, precision, rounding)
+    state = x[0], u[0], a[0], blur[0], reduction.basis, turning
+    return SmallMotions(M, D, K, J, *state, precision, rounding, damped)
 
 
 def stiffness(system: System, t: Array, x: Array, u: Array, a: Array, multipliers: Array) -> Matrix:

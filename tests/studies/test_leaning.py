@@ -67,3 +67,9 @@ solve: {{duration: 1.0}}
         (swing,) = swings(found)
         expected = nutation_of(tilt, rate, rate * np.cos(tilt), inertia, 1.0 + inertia, 9.81)
         assert swing == pytest.approx(expected, rel=1e-9 + 1e-15 / inertia)
+
+
+def test_a_ball_that_is_tilted_while_it_spins_goes_on():
+    """It was called a drift, which a damper would end."""
+    kinds = [mode.kind for mode in spun(0.7, [0.001, 0.001, 0.001], [0.0, 0.0, 3.75])]
+    assert kinds == ["rigid"] * len(kinds)

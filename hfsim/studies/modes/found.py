@@ -292,21 +292,23 @@ def _mode(state: About, found: Eigenpairs, k: int) -> Mode:
     value = complex(found.values[k])
     change = np.asarray(state.motions.basis @ found.vectors[:, k])
     uncertainty = float(found.uncertainty[k])
-    kind = _kind(state, value, uncertainty, bool(found.doubled[k]), change)
+    # what gyroscopic terms alone lead elsewhere, no damper ends either
+    goes_on = bool(found.doubled[k]) or not state.motions.damped
+    kind = _kind(state, value, uncertainty, goes_on, change)
     return Mode(k + 1, kind, value, uncertainty, change, state)
 
 
-def kind_of(value: complex, doubled: bool) -> str:
+def kind_of(value: complex, goes_on: bool) -> str:
     """Return what a motion is by its eigenvalue, and by whether it goes on by itself if nothing resists."""
     if not value:
-        return "rigid" if doubled else "drift"
+        return "rigid" if goes_on else "drift"
     if value.real > 0.0:
         return "flutter" if value.imag else "divergence"
     return "vibration" if value.imag else "decay"
 
 
-def _kind(state: About, value: complex, uncertainty: float, doubled: bool, change: ComplexArray) -> str:
-    kind = kind_of(value, doubled)
+def _kind(state: About, value: complex, uncertainty: float, goes_on: bool, change: ComplexArray) -> str:
+    kind = kind_of(value, goes_on)
     if kind != "vibration" or state.turning is None or value.real:
         return kind
     # seen from axes that turn, what is shifted or tilted goes round at their rate
