@@ -11,6 +11,7 @@ from hfsim.output.text import Column, plural, table, wrapped
 
 if TYPE_CHECKING:
     from hfsim.studies.modes import Campbell, Mode, Modes
+    from hfsim.studies.modes.state import About
     from hfsim.studies.modes.sticking import Sticking
 
 MODE_COLUMNS = (
@@ -41,6 +42,8 @@ _OF_PERIOD = (
     *_TEXT[3:],
 )
 _MOST_TOLD = 6
+_FAR = 1.0
+"""Way to a steady rotation that is told [rad]."""
 _STILL = 1e-9
 """Speed over the size [1/s] that is none."""
 
@@ -105,7 +108,23 @@ def state_warnings(found: Modes) -> Iterator[str]:
             "no steady rotation: what acts or holds, such as weight across the axis or a bearing that is not "
             "alike all around, is other after a part of a turn; modes are those at this angle"
         )
+    yield from _of_search(found.about, "in this state")
     yield from _of_friction(found.sticking)
+
+
+def _of_search(about: About, where: str) -> Iterator[str]:
+    """Yield what sets a steady rotation apart from the state next to which it was sought."""
+    if about.ended:
+        own = ", ".join(f"{name} at {rate:.6g} rad/s" for name, rate in about.ended.items() if rate)
+        yield (
+            f"turning by themselves where it was sought: {own}; what acts on them ends that, and {where} "
+            "they turn with everything else"
+        )
+    if about.moved > _FAR:
+        yield (
+            f"{where} the steady rotation is {about.moved:.2g} rad away from where it was sought: none was "
+            "found nearer"
+        )
 
 
 def _of_friction(sticking: Sequence[Sticking]) -> Iterator[str]:
@@ -162,6 +181,8 @@ def campbell_text(result: Campbell, place: str) -> str:
     if result.unsteady:
         told = f"no steady rotation at {_rates(result.unsteady)} rad/s: neither frequencies nor crossings"
         lines.append(wrapped(told))
+    for rate, found in zip(result.rates, result.founds, strict=True):
+        lines += [wrapped(one) for one in _of_search(found.about, f"at {rate:.6g} rad/s")]
     lines.append(table(names, rows))
     stuck = {one.place: one for found in result.founds for one in found.sticking}
     lines += [wrapped(one) for one in _of_friction(list(stuck.values()))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,8 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import is_sparse
 from hfsim.mechanics.statics.equilibrium import STAYED
 from hfsim.mechanics.statics.newton import HOLD, Effort, stepped
-from hfsim.mechanics.statics.stability import neutral
+from hfsim.mechanics.statics.problem import Problem
+from hfsim.mechanics.statics.stability import are_pushed, neutral
 from hfsim.mechanics.turning import Turning
 from hfsim.scene.equilibrium import equilibrium_of, problem_of, rigid_motions, standing, why_not
 from hfsim.scene.gauging import Assembled, gauge_of
@@ -33,13 +35,23 @@ def nearby(scene: Assembled, t: float, x: Array, turning: Turning, moving: bool 
     _, multipliers = system.equations.solve(time, place, u, system.force(time, place, u))
     start = problem.start._replace(multipliers=multipliers)
     problem = replace(problem, start=start, turning=turning)
-    # what holds nothing bends corrections of fine meshes: these are soft beside their stiffest parts
-    loose = turning.rate or len(neutral(problem, start, 1.0, rigid_motions(scene, place)))
-    for hold in (HOLD,) if loose else (0.0, HOLD):
-        share, state = stepped(replace(problem, hold=hold), Effort())
-        if share == 1.0:
+    free = neutral(problem, start, 1.0, rigid_motions(scene, place))
+    for way in _ways(problem, free):
+        share, state = stepped(way, Effort())
+        if share == 1.0 and not (way.free is not None and are_pushed(problem, state, free)):
             return np.asarray(problem.expand(state.z)[0])
     return None
+
+
+def _ways(problem: Problem, free: Array) -> Iterator[Problem]:
+    """Yield how the search may hold what nothing brings back, among this free motions (k, n) of the start."""
+    turning = problem.turning is not None and problem.turning.rate
+    if len(free) and not are_pushed(problem, problem.start, free):
+        # rounding of large forces would lead far along them
+        yield replace(problem, hold=HOLD, free=free)
+    # what holds nothing bends corrections of fine meshes: these are soft beside their stiffest parts
+    for hold in (HOLD,) if turning or len(free) else (0.0, HOLD):
+        yield replace(problem, hold=hold)
 
 
 def resting(scene: Assembled) -> Array:

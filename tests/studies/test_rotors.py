@@ -360,6 +360,9 @@ def test_a_free_ring_that_a_shaft_drags_along_comes_to_turn_with_it():
     found = hfsim.modes(parse_deck(text), about="steady", count=4)
     assert found.about.lasting and not found.about.turning.own
     assert found.about.turning.spin == pytest.approx([10.0, 0.0, 0.0])
+    assert found.about.ended == pytest.approx({"ring": -10.0})
+    (told,) = state_warnings(found)
+    assert "ring at -10 rad/s; what acts on them ends that" in told
 
 
 def test_a_round_shaft_hangs_in_its_bearings_while_it_turns():

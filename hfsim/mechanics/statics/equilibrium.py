@@ -13,14 +13,12 @@ from hfsim.mechanics.statics.beginning import begun
 from hfsim.mechanics.statics.newton import HOLD, Effort, NotFoundError, stepped
 from hfsim.mechanics.statics.problem import Level, Problem, State
 from hfsim.mechanics.statics.relaxation import relaxed
-from hfsim.mechanics.statics.stability import Signs, lowest, neutral
+from hfsim.mechanics.statics.stability import Signs, are_pushed, lowest, neutral
 
 KICK = 0.02
 """Size of a push out of a place of rest that is not stable [rad]."""
 KICKS = 8
 """Of them, at most."""
-PUSHED = 1e-9
-"""Work on a motion, over that which all forces would do along it, up to which they do not push it."""
 STAYED = 0.05
 """Way from the start up to which a place of rest is where the scene was put [rad]."""
 
@@ -158,11 +156,8 @@ class Search:
 
     def _pushed(self, state: State) -> Array:
         """Return the motions that nothing resists, if the loads push any of them; else none."""
-        free, unit = self._neutral(state, 1.0), self.problem.gauge.unit
-        force = self.problem.missing(state, Level(1.0))[0][0]
-        every = np.linalg.norm(unit * self.problem.force(self.problem.expand(state.z), 1.0))
-        ways = np.linalg.norm(self.problem.system.reduction.expand_rates(free) / unit, axis=1)
-        return free if (np.abs(free @ force) > PUSHED * every * ways).any() else free[:0]
+        free = self._neutral(state, 1.0)
+        return free if are_pushed(self.problem, state, free) else free[:0]
 
     def _downhill(self, begin: State, limit: float | None) -> Equilibrium:
         """Return the place of rest that relaxation leads to."""

@@ -8,7 +8,11 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import Matrix, is_sparse
+from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
+from hfsim.maths.rank import spanning
+
+ALIKE = 1e-12
+"""Square of a mixture of motions, over the largest, that is none: a straight line turns about itself."""
 
 
 @frozen
@@ -135,3 +139,19 @@ class Gauge:
 def _largest(squares: Array) -> float:
     """Return the root of the largest of squares, which rounding may have below zero."""
     return float(np.sqrt(np.abs(squares).max(initial=0.0)))
+
+
+def resisting(metric: Matrix, motions: Array) -> Matrix:
+    """Return what resists motions (k, n) and little else, as much as a metric (n, n) does, shape (n, n).
+
+    Where that is sparse, it holds as few coordinates as it can.
+    """
+    if is_sparse(metric):
+        sizes = metric.diagonal()
+        held = spanning((motions * np.sqrt(sizes)).T)
+        return assemble([Entries(held, held, sizes[held])], metric.shape, sparse=True)
+    weighed = np.asarray(motions @ metric)
+    squares, ways = np.linalg.eigh(weighed @ motions.T)
+    there = squares > ALIKE * squares[-1]
+    unit = (ways[:, there] / np.sqrt(squares[there])).T @ weighed
+    return np.asarray(unit.T @ unit)

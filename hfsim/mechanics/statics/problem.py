@@ -15,7 +15,7 @@ from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, Matrix, assemble, factorised, is_sparse, saddle_point
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.small_motions import derivative, resistance
-from hfsim.mechanics.statics.gauge import Gauge
+from hfsim.mechanics.statics.gauge import Gauge, resisting
 from hfsim.mechanics.system import System
 from hfsim.mechanics.turning import Turning
 
@@ -318,13 +318,7 @@ class Problem:
     def _left_out(self) -> Matrix:
         """What resists free motions, as much as the metric does, (n, n)."""
         assert self.free is not None
-        weighed = np.asarray(self.free @ self.metric)
-        unit = np.linalg.solve(np.linalg.cholesky(weighed @ self.free.T), weighed)
-        if not is_sparse(self.metric):
-            return unit.T @ unit
-        from scipy.sparse import csr_array
-
-        return csr_array(unit.T) @ csr_array(unit)
+        return resisting(self.metric, self.free)
 
     @cached_property
     def metric(self) -> Matrix:

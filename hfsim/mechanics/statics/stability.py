@@ -13,10 +13,12 @@ from hfsim.maths.pencils import EPS, Pencil
 from hfsim.maths.rank import null_space
 from hfsim.maths.squares import slowest_squares
 from hfsim.mechanics.small_motions import BY_DIFFERENCES, rounding_of_joints
-from hfsim.mechanics.statics.problem import Problem, State
+from hfsim.mechanics.statics.problem import Level, Problem, State
 
 NONE = 1e-12
 """Stiffness along a motion, relative to all that adds up to it, that is rounding."""
+PUSHED = 1e-9
+"""Work on a motion, over that which all forces would do along it, up to which they do not push it."""
 ASKEW = 1e-9
 """Part of a matrix that may be skew by rounding."""
 NEAREST = 6
@@ -115,6 +117,14 @@ def neutral(problem: Problem, state: State, load: float, rigid: Array) -> Array:
     _, values, mixed = np.linalg.svd(own)
     free = values <= NONE * np.diag(mixed @ size @ mixed.T).clip(min=size.diagonal().max())
     return np.asarray(mixed[free] @ motions)
+
+
+def are_pushed(problem: Problem, state: State, motions: Array) -> bool:
+    """Tell whether the loads push any of some motions (k, n)."""
+    unit, force = problem.gauge.unit, problem.missing(state, Level(1.0))[0][0]
+    every = np.linalg.norm(unit * problem.force(problem.expand(state.z), 1.0))
+    ways = np.linalg.norm(problem.system.reduction.expand_rates(motions) / unit, axis=1)
+    return bool((np.abs(motions @ force) > PUSHED * every * ways).any())
 
 
 def lowest(problem: Problem, state: State, load: float) -> tuple[Array, Array]:

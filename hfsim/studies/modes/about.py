@@ -9,11 +9,13 @@ import numpy as np
 from hfsim.deck.source import did_you_mean
 from hfsim.errors import ArgumentError
 from hfsim.marching.stop import Progress
-from hfsim.maths.matrices import is_sparse
+from hfsim.maths.arrays import Array
 from hfsim.mechanics.small_motions import small_motions
+from hfsim.mechanics.statics.equilibrium import STAYED
 from hfsim.mechanics.turning import Turning
 from hfsim.scene.build import Scene, build
 from hfsim.scene.equilibrium import standing
+from hfsim.scene.gauging import gauge_of
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.nearby import nearby, resting
 from hfsim.scene.resting import turning_with
@@ -142,29 +144,44 @@ def turning_at(start: About, rate: float | None) -> About:
 
 
 def _settled(start: About, turning: Turning) -> About:
-    scene, t = start.scene, start.t
-    told = ", ".join(f"{one:.4g}" for one in np.atleast_1d(turning.spin))
-    told = f"steady{f' at {told} rad/s' if turning.rate else ''}"
+    scene, t, x0 = start.scene, start.t, start.motions.x
     try:
-        x = nearby(scene, t, start.motions.x, turning)
-        if x is None and (together := _together(scene, turning)) is not None:
-            turning = together
-            x = nearby(scene, t, start.motions.x, turning)
+        x = nearby(scene, t, x0, turning)
+        if x is None or gauge_of(scene).size((x - x0)[None]) > STAYED:
+            here = _steady(start, turning, x0)
+            if here.lasting:  # whatever else was found is not what was asked for
+                return here
+            if x is None and here.own_turns_change and (together := _together(scene, turning)) is not None:
+                x = nearby(scene, t, x0, together)
+                if x is not None:
+                    return replace(_steady(start, together, x), ended=turning.own)
         if x is None:
-            raise ModesError(f"{told}: no state that lasts was found next to it")
-        axes, system = turning if turning.rate else None, standing(scene.system, moving=True)
-        return About(scene, "steady", t, small_motions(system, t, x, turning.rates(x[None])[0], axes))
+            raise ModesError(f"{_told(turning)}: no state that lasts was found next to it")
+        return _steady(start, turning, x)
     except np.linalg.LinAlgError as error:
-        raise ModesError(f"{told}: {error}") from None
+        raise ModesError(f"{_told(turning)}: {error}") from None
+
+
+def _steady(start: About, turning: Turning, x: Array) -> About:
+    """Return coordinates (n_x,) that turn, as seen from axes that do where anything does."""
+    scene, t, axes = start.scene, start.t, turning if turning.rate else None
+    motions = small_motions(standing(scene.system, moving=True), t, x, turning.rates(x[None])[0], axes)
+    moved = gauge_of(scene).size((x - start.motions.x)[None])
+    return About(scene, "steady", t, motions, moved=moved)
+
+
+def _told(turning: Turning) -> str:
+    """Return in words which steady rotation is looked for."""
+    rounding = 1e-12 * turning.rate
+    told = ", ".join(f"{one if abs(one) > rounding else 0.0:.4g}" for one in np.atleast_1d(turning.spin))
+    own = "".join(f", {name} by itself at {one:.4g} rad/s" for name, one in turning.own.items() if one)
+    return f"steady{f' at {told} rad/s{own}' if turning.rate else ''}"
 
 
 def _together(scene: Scene, turning: Turning) -> Turning | None:
     """Return the turn of everything to which drag leads bodies that turn by themselves; None without."""
-    if not turning.own:
-        return None
     if np.any(turning.spin):
-        shared = turning.spin, turning.centre, is_sparse(turning.matrix), turning.velocity
-        return Turning.of(scene.bodies.values(), *shared)
+        return turning.together(scene.bodies.values())
     fastest = max(turning.own, key=lambda name: abs(turning.own[name]))
     found: Turning | None = turning_with(scene, fastest)
     return None if found is None or not found.rate else found.at_rate(turning.rate)

@@ -46,13 +46,18 @@ class Steady:
     def at(self, rate: float, near: About) -> Modes:
         """Return those at a rate, sought from another one; at none, about the equilibrium next to it.
 
+        At the rate of a start that is steady they are its own.
+
         Raises
         ------
         ModesError
             If there is no steady rotation next to that.
         """
         if rate not in self._known:
-            seen = replace(near, motions=replace(near.motions, turning=self.start.turning))
+            turning = self.start.turning
+            if turning is not None and np.isclose(rate, turning.rate, rtol=_SAME) and self.start.lasting:
+                near = self.start
+            seen = replace(near, motions=replace(near.motions, turning=turning))
             self._known[rate] = modes_of(turning_at(seen, rate), self.count + SPARE)
         return self._known[rate]
 

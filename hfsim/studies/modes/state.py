@@ -6,7 +6,7 @@ rotation is an equilibrium.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any
 
@@ -64,6 +64,10 @@ class About:
         Of the motion that begins in the state, if it is periodic [s].
     changed : float
         What acts after that, less what did before, over its size [-].
+    ended : dict of str to float
+        Rates at which bodies turned by themselves where this was sought, and do not in it [rad/s].
+    moved : float
+        How far it is from there, for the body that moves or turns most [rad].
     """
 
     scene: Scene
@@ -72,6 +76,8 @@ class About:
     motions: SmallMotions
     period: float | None = None
     changed: float = 0.0
+    ended: dict[str, float] = field(default_factory=dict)
+    moved: float = 0.0
 
     @cached_property
     def system(self) -> System:
@@ -138,6 +144,16 @@ class About:
         return self.mean(self.motions.u - steady)
 
     @property
+    def own_turns_change(self) -> bool:
+        """Whether what acts speeds up or slows down what turns by itself."""
+        if self.turning is None or not self.turning.own:
+            return False
+        x, together = self.motions.x[None], self.turning.together(self.scene.bodies.values())
+        own = (self.turning.rates(x) - together.rates(x))[0]
+        beside = self.scene.system.equations.momentum(x, (self.motions.a - self._steady)[None])[0]
+        return abs(float(own @ beside)) > self._least * self.mean(own) * self.mass
+
+    @property
     def after_a_turn(self) -> tuple[Array, Array]:
         """The coordinates (1, n_x) after a turn by one radian, and their rates."""
         assert self.turning is not None
@@ -169,6 +185,11 @@ class About:
         return 0.0 if change <= self._rounding else change / size
 
     @property
+    def _least(self) -> float:
+        """Accelerations that are none, likewise [m/s^2]."""
+        return max(_BALANCED * self.mean(self._steady), self._rounding)
+
+    @property
     def _rounding(self) -> float:
         """Accelerations that are rounding, likewise [m/s^2]."""
         return NOISE * self.mean(self.motions.blur)
@@ -195,7 +216,7 @@ class About:
         moving = self.mean(self.motions.u)
         # where nothing brings motions back, rounding alone may seem to lead far away
         inertia = self.mean(self._steady)
-        balanced = self.acceleration <= max(_BALANCED * inertia, self._rounding)
+        balanced = self.acceleration <= self._least
         # what is stiff along itself is near to where centrifugal forces stretch it, but they are not borne
         borne = not inertia or self.acceleration <= _BORNE * inertia
         near = borne and self.distance <= STEADY * self.size
@@ -210,6 +231,8 @@ class About:
             "period": self.period,
             "spin": None if turning is None else np.atleast_1d(turning.spin).tolist(),
             "rotors": {} if turning is None else turning.own,
+            "ended_rotors": self.ended,
+            "moved": self.moved,
             "axis_through": None if turning is None else turning.centre.tolist(),
             "acceleration": self.acceleration,
             "speed": self.speed,
