@@ -15,6 +15,7 @@ import yaml
 
 from hfsim.deck.json_schema import json_schema
 from hfsim.deck.reader import parse
+from hfsim.deck.units import SI_UNITS, UNITS
 from hfsim.output.manual import FOLDER, decks_in
 from hfsim.scene.schema import Deck
 
@@ -25,7 +26,7 @@ LONGEST = 44
 HEAD = """# Keys: all that a deck may say
 
 Written by `python tests/deck_reference.py` from the classes that read decks. Every number may be text with a unit
-(`"12 deg"`, `"7 GPa"`) or an expression of parameters (`"${length / 2}"`); where a unit is named, it is that of a bare
+(`"12 deg"`, `"7 GPa"`: [units](#units)) or an expression of parameters (`"${length / 2}"`); where a unit is named, it is that of a bare
 number. Names in maps and texts in lists may be patterns (`blade{k=1..4}`). `-`: the key must be there; *none*: nothing is there without it.
 """
 SHARED = {
@@ -69,7 +70,19 @@ def page() -> str:
         parts += told(inner, entries, key)
     for word, title in SHARED.items():
         parts += ["", f"## {title}", *told({"anyOf": list(shared(schema, word))}, list(spread(found)), word)]
-    return "\n".join([*parts, ""])
+    return "\n".join([*parts, "", *units(), ""])
+
+
+def units() -> Iterator[str]:
+    """Yield the section on units."""
+    yield "## Units"
+    yield ""
+    yield "`N m`, `N*m` and `Nm` are one, as are `m2`, `m^2` and `m²`."
+    yield ""
+    yield "| what | SI | units of text |"
+    yield "|---|---|---|"
+    for dimension, known in UNITS.items():
+        yield f"| {dimension.replace('_', ' ')} | {SI_UNITS[dimension]} | {' '.join(f'`{unit}`' for unit in known)} |"
 
 
 def sections(schema: dict[str, Any]) -> dict[str, Any]:
