@@ -62,7 +62,7 @@ class Turns:
     """
 
     def __init__(self, scene: Measured) -> None:
-        self._scene, self.expand = scene, scene.system.reduction.expand
+        self._scene = scene
         plane, bodies = scene.deck.dimension == 2, scene.bodies.items()
         own = (name for name, body in bodies if plane and body.angle_column is None)
         self._angle_of: dict[str, Callable[[Array], Array]] = {
@@ -76,9 +76,8 @@ class Turns:
         self.q = self._scene.q[None]
         self.angles = {name: self._scene.start_angles[name] for name in self._angle_of}
 
-    def __call__(self, load: float, state: State) -> None:
-        """Go on to a state."""
-        x = self.expand(state.z)
+    def __call__(self, load: float, x: Array) -> None:
+        """Go on to coordinates (1, n_x)."""
         self.q = self._scene.system.state(x, np.zeros_like(x), self.q)[0]
         for name, near in self.angles.items():
             self.angles[name] = near + float(wrap(self._angle_of[name](x) - near)[0])
@@ -98,7 +97,7 @@ def problem_of(
     Parameters
     ----------
     turns : Turns, optional
-        Told the load factor and each state that is kept on the way, and when the way begins anew.
+        Told the load factor and the coordinates that are kept on the way, and when the way begins anew.
     varied : collection of str, optional
         Names of the loads and motors that the load factor is of, ``gravity`` among them; all without it.
     bodies : collection of str, optional
@@ -130,10 +129,11 @@ def problem_of(
         forces.append(Weighted(closing, 1.0, 0.0))
 
     def kept(load: float, state: State) -> None:
-        if (lost := beyond_mesh(scene, t, system.reduction.expand(state.z))) is not None:
+        reached = system.reduction.expand(state.z)
+        if (lost := beyond_mesh(scene, t, reached)) is not None:
             raise NotFoundError(str(lost), state)
         if turns is not None:
-            turns(load, state)
+            turns(load, reached)
 
     problem = Problem.of(system, t, z, forces, gauge, kept)
     return problem if turns is None else replace(problem, restart=turns.begin)
@@ -142,8 +142,9 @@ def problem_of(
 def equilibrium_of(
     scene: Assembled, problem: Problem, bodies: Collection[str] | None = None
 ) -> Equilibrium:
-    """Return where a scene comes to rest, or some bodies of it do while the others stay."""
-    return Search(problem, lambda x: rigid_motions(scene, x, bodies)).found()
+    """Return where a scene, or some bodies of it while the others stay, come to rest, in its coordinates."""
+    found = Search(problem, lambda x: rigid_motions(scene, x, bodies)).found()
+    return found if bodies is None else found.of_whole(problem, scene.system.reduction)
 
 
 def beyond_mesh(scene: Assembled, t: float, x: Array) -> SolverFailure | None:

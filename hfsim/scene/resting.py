@@ -102,13 +102,12 @@ def at_rest(scene: Measured) -> Rest:
     path, some = (AT_REST, scene.deck.resting) if spec is None else (STEADY, tuple(scene.bodies))
     bodies = None if set(some) >= set(scene.bodies) else some
     problem = problem_of(scene, 0.0, turns, bodies=bodies)
-    turns.expand = problem.expand
     found = equilibrium_of(scene, problem, bodies)
     if found.reason:
         why = why_not(scene, 0.0, found)
         raise _no_start(loaded, f"initial.{path}", f"there is none: {why}", why.remedy)
-    turns(1.0, found.state)
-    x = problem.expand(found.state.z)
+    x = scene.system.reduction.expand(found.state.z)
+    turns(1.0, x)
     told = tuple(f"initial.{path}: {one}" for one in doubts(scene, found, x))
     return _begun(scene, turns, x, _rates(scene, x), told)
 
@@ -139,8 +138,8 @@ def _steady(scene: Measured) -> Rest:
         why = why_not(scene, 0.0, found)
         remedy = "a lower rate" if found.limit is not None else why.remedy
         raise _no_start(scene.loaded, path, f"no steady rotation is found: {why}", remedy)
-    turns(1.0, found.state)
     x = problem.expand(found.state.z)
+    turns(1.0, x)
     if len(loose) == len(turning.centre) and not _balanced(scene, x, turning):
         told = "no steady rotation is found: beside the stiffness, what inertia does is rounding"
         raise _no_start(scene.loaded, path, told, "a higher rate, or a start nearer to it")

@@ -193,8 +193,8 @@ class _Rows(Turns):
         super().begin()
         self.rows: list[_Row] = []
 
-    def __call__(self, load: float, state: State) -> None:
-        super().__call__(load, state)
+    def __call__(self, load: float, x: Array) -> None:
+        super().__call__(load, x)
         self.rows.append(_Row(load, self.q, dict(self.angles)))
 
 
@@ -203,7 +203,7 @@ def _rested(scene: Scene, wish: Wish) -> tuple[list[_Row], Equilibrium, dict[str
     turns = Turns(scene)
     problem = problem_of(scene, wish.t, turns, wish.varied)
     found = equilibrium_of(scene, problem)
-    turns(found.share, found.state)
+    turns(found.share, problem.expand(found.state.z))
     return [_Row(found.share, turns.q, turns.angles)], found, {}
 
 

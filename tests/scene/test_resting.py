@@ -94,6 +94,30 @@ def test_some_bodies_rest_and_the_others_stay_where_they_are():
     assert np.abs(left).max() < 1e-6
 
 
+BOB = """
+hfsim: 1
+gravity: [0.0, 0.0, -9.81]
+bodies:
+  arm: {type: rigid, mass: 1.0, inertia: [0.01, 0.01, 0.01]}
+  bob: {type: rigid, mass: 1.0, inertia: [0.01, 0.01, 0.01], points: {top: [0, 0, 0.5]}}
+joints:
+  hinge: {type: revolute, between: [ground, arm]}
+  hook: {type: spherical, between: [ground, bob.top]}
+initial: {equilibrium: [bob]}
+solve: {duration: 0.1}
+"""
+
+
+def test_what_nothing_holds_is_named_where_only_some_bodies_are_to_rest():
+    """Its motions are of the part that could move: an internal error."""
+    assert build(parse_deck(BOB)).warnings == [
+        "initial.equilibrium: one equilibrium of many, since nothing resists: "
+        "bob: turns about hook, 3 axes (1 of these)"
+    ]
+    with pytest.raises(DeckError, match="nothing holds what the loads push: bob: turns and slides: hook"):
+        build(parse_deck(BOB.replace("spherical", "cylindrical")))
+
+
 LINKS = """
 hfsim: 1
 gravity: [0.0, -9.81]

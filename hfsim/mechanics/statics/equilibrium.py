@@ -9,6 +9,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
+from hfsim.mechanics.reduction import Reduction
 from hfsim.mechanics.statics.beginning import begun
 from hfsim.mechanics.statics.newton import HOLD, Effort, NotFoundError, stepped
 from hfsim.mechanics.statics.problem import Level, Problem, State
@@ -72,6 +73,19 @@ class Equilibrium:
     def stable(self) -> bool:
         """Whether small pushes along all that something resists come to nothing."""
         return not len(self.values) or bool(self.values[0] >= 0.0)
+
+    def of_whole(self, problem: Problem, whole: Reduction) -> Equilibrium:
+        """Return it in the free coordinates of a whole of which only a part could move in the problem."""
+
+        def state(own: State) -> State:
+            return own._replace(z=whole.free(problem.expand(own.z)))
+
+        def rates(own: Array) -> Array:
+            return whole.free_rates(problem.expand_rates(own))
+
+        lost = None if self.lost is None else state(self.lost)
+        motions, neutral_ = rates(self.motions), rates(self.neutral)
+        return replace(self, state=state(self.state), motions=motions, neutral=neutral_, lost=lost)
 
 
 @dataclass(eq=False)
