@@ -4,7 +4,8 @@ Spatial mechanisms may move though their joints hold too much: every plane one w
 two of them, Bennett's and Bricard's loops.  Whether joints agree is tried by moving the scene along what they
 leave free.  Rows that others make superfluous are left out then, of few joints, and such that the rest stays
 independent along all of the motion that was tried; the multipliers of a smaller set are unique, the reactions
-in the joints are not.
+in the joints are not.  Where no rows of few joints are surely such, any of the loop are, those that keep axes
+of its bodies among them: these are as superfluous.
 """
 
 from __future__ import annotations
@@ -41,6 +42,10 @@ TAKES_PART = 1e-6
 """Component of a null vector from which a row takes part in a dependence."""
 NEGATIVE = 1e-3
 """Imaginary part over the real one up to which an eigenvalue is real."""
+SURE = 0.1
+"""How independent rows stay in all steps, at least, so that they surely do between these."""
+EXCHANGES, GAIN, SMALLER = 100, 0.01, 0.1
+"""Of rows that are left out, at most; what each has to gain, and to keep of what they have at most."""
 MOST_ROWS = 1500
 """Joint equations up to which redundant ones are sought and left out."""
 
@@ -239,25 +244,60 @@ class _Motion:
 
     def superfluous(self) -> list[int]:
         """Return the rows without which the others stay farthest from depending on one another."""
-        joints: dict[str, list[int]] = {}
+        items: dict[str, list[int]] = {}
         for k in self.taking_part:
-            rows, item = self._own.rows[k], self._own.constraints[k].item
-            if item.startswith("joints."):
-                joints.setdefault(item, []).extend(range(rows.start, rows.stop))
-        places = [np.array(rows) for rows in joints.values()]
+            rows = self._own.rows[k]
+            items.setdefault(self._own.constraints[k].item, []).extend(range(rows.start, rows.stop))
+        places = [np.array(rows) for item, rows in items.items() if item.startswith("joints.")]
+        pools = [np.concatenate(places)]
+        if self._own.ballast is None:  # else rows that keep axes stand in for mass
+            pools.append(np.concatenate([np.array(rows) for rows in items.values()]))
         trials = [
             chosen
             for null in self.null[:: max(1, len(self.null) // 4)]
             for first in range(len(places))
             if len(chosen := _cut(null, places, first)) == self._missing
         ]
-        best = max(trials, key=self._margin)
-        while self._margin(best)[0] < 0:
-            other = max(_exchanged(best, np.concatenate(places).tolist()), key=self._margin)
-            if self._margin(other) <= self._margin(best):
-                break
-            best = other
+        best = max(trials or [self._farthest(pools[0])], key=self._margin)
+        for pool in pools:
+            for start in (best, self._farthest(pool)):
+                if self._margin(best) < (0, SURE):
+                    best = max(best, self._exchanged(start, pool), key=self._margin)
         return best
+
+    def _farthest(self, pool: IntArray) -> list[int]:
+        """Return the rows of a pool that take most part in null vectors on average, each beside those before."""
+        rest, rows = self._carried[:, pool].mean(axis=0), list[int]()
+        for _ in range(self._missing):
+            sizes = np.linalg.norm(rest, axis=1)
+            sizes[rows] = -1.0
+            rows.append(int(np.argmax(sizes)))
+            unit = rest[rows[-1]] / max(sizes[rows[-1]], 1e-300)
+            rest = rest - np.outer(rest @ unit, unit)
+        return [int(row) for row in pool[rows]]
+
+    def _exchanged(self, rows: list[int], pool: IntArray) -> list[int]:
+        """Return rows, exchanged one by one for others of a pool, so that what is left depends less."""
+        null, chosen = self._carried[:, pool], [int(np.flatnonzero(pool == row)[0]) for row in rows]
+        for _ in range(EXCHANGES):
+            now, others = _volumes(null, chosen)
+            least, sizes = _least(now), _least(others)
+            # what is all but dependent throughout has no sign to speak of
+            sizes[np.abs(others).max(axis=0) < SMALLER * np.abs(now).max()] = -1.0
+            row, k = np.unravel_index(np.argmax(sizes), sizes.shape)
+            if not sizes[row, k] > least + GAIN * abs(least):
+                break
+            chosen[k] = int(row)
+        return [int(row) for row in pool[chosen]]
+
+    @cached_property
+    def _carried(self) -> Array:
+        """Null vectors of all steps, (n_steps, n_rows, missing), such that they turn least from step to step."""
+        found = self.null[:1]
+        for null in self.null[1:]:
+            left, _, right = np.linalg.svd(null.T @ found[-1])
+            found.append(null @ left @ right)
+        return np.array(found)
 
     def _margin(self, rows: list[int]) -> tuple[int, float]:
         """Return how independent the other rows stay along the motion.
@@ -272,7 +312,7 @@ class _Motion:
         parts = np.array([null[rows] for null in self.null])
         least = float(np.linalg.svd(parts, compute_uv=False)[:, -1].min())
         if least < TAKES_PART:
-            return -len(parts), least
+            return -len(parts) * self._missing, least
         # from one step straight to the next something is zero where this has a negative eigenvalue
         ratios = np.linalg.eigvals(np.linalg.solve(parts[:-1], parts[1:] @ self._turns))
         return -int(((ratios.real < 0.0) & (np.abs(ratios.imag) < NEGATIVE * -ratios.real)).sum()), least
@@ -284,12 +324,37 @@ class _Motion:
         return np.array(turns).reshape(-1, self._missing, self._missing)
 
 
-def _exchanged(rows: list[int], others: list[int]) -> Iterator[list[int]]:
-    """Yield rows with one of them exchanged for another."""
-    for k in range(len(rows)):
-        for row in others:
-            if row not in rows:
-                yield [*rows[:k], row, *rows[k + 1 :]]
+def _volumes(null: Array, rows: Sequence[int]) -> tuple[Array, Array]:
+    """Return determinants of rows of null vectors (n_steps, n_rows, missing): zero where the others depend.
+
+    Returns
+    -------
+    now : ndarray, shape (n_steps,)
+        Of these rows.
+    others : ndarray, shape (n_steps, n_rows, missing)
+        With any row in place of each of these.
+    """
+    left, sizes, right = np.linalg.svd(null[:, rows])
+    signs = np.linalg.det(left) * np.linalg.det(right)
+    without = np.where(np.eye(len(rows), dtype=bool), 1.0, sizes[:, None]).prod(axis=2)
+    adjugates = right.swapaxes(1, 2) * (signs[:, None] * without)[:, None] @ left.swapaxes(1, 2)
+    return signs * sizes.prod(axis=1), null @ adjugates
+
+
+def _least(volumes: Array) -> Array:
+    """Return how far volumes (n_steps, ...) stay from zero, also halfway between steps.
+
+    Of those that change their sign it is below zero: how far they get beyond, over the other way.
+    """
+    every = volumes
+    if len(volumes) > 2:
+        before, after = (3.0 * (a - b) + c for a, b, c in (volumes[:3], volumes[:-4:-1]))
+        around = np.concatenate([before[None], volumes, after[None]])
+        halfway = (9.0 * (around[1:-2] + around[2:-1]) - around[:-3] - around[3:]) / 16.0
+        every = np.concatenate([volumes, halfway])
+    low, high = every.min(axis=0), every.max(axis=0)
+    least = np.maximum(low, -high)
+    return np.asarray(np.where(least > 0.0, least, least / np.maximum(np.maximum(high, -low), 1e-300)))
 
 
 def _cut(null: Array, places: Sequence[IntArray], first: int) -> list[int]:

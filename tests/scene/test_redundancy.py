@@ -8,6 +8,7 @@ from unittest import mock
 import mechanisms
 import numpy as np
 import pytest
+import yaml
 from scipy.integrate import solve_ivp
 
 from hfsim.errors import DeckError, SolverFailure
@@ -15,6 +16,7 @@ from hfsim.marching.plan import plan_of
 from hfsim.marching.runaway import RedundantWatch
 from hfsim.maths.rotations import rotation
 from hfsim.mechanics import spatial_markers
+from hfsim.scene import redundancy
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
@@ -55,6 +57,52 @@ def test_a_loop_that_is_held_too_often_moves_as_one_that_is_not(name):
         for one, same in zip(run.channels[:3], other.channels[:3], strict=True):
             assert np.ptp(one.values) > 0.05 or one.name.endswith("z")
             assert one.values == pytest.approx(same.values, abs=2e-8)
+
+
+def swapped(text, joint):
+    """The same loop with the bodies of a hinge the other way round."""
+    deck = yaml.safe_load(text)
+    entry = deck["joints"][joint]
+    a, b = (deck["initial"].get(end.partition(".")[0]) for end in entry["between"])
+    into = [np.eye(3) if one is None else np.stack([*one["orientation"].values()]) for one in (a, b)]
+    along = np.array(entry["axis"])
+    for k, R in enumerate(into):
+        R = R if len(R) == 3 else np.stack([*R, np.cross(*R)])
+        along = R @ along if k else R.T @ along
+    deck["joints"][joint] = {**entry, "between": entry["between"][::-1], "axis": along.tolist()}
+    return yaml.safe_dump(deck, sort_keys=False)
+
+
+@pytest.mark.parametrize(
+    ("text", "joints"),
+    [
+        (mechanisms.bennett(), ()),
+        (mechanisms.bennett(), ("j1", "j3")),  # no rows of joints alone will do
+        (mechanisms.bennett(angle=1.9), ("j1",)),
+        (mechanisms.bennett(twists=(0.3, 0.9)), ("j0", "j1")),
+        (mechanisms.bricard(), ("j1", "j2")),
+    ],
+)
+def test_what_is_left_of_a_loop_stays_independent_all_along_its_motion(text, joints, monkeypatch):
+    """Between steps too: of a loop that goes through, rows were left out that counted twice in a turn."""
+    found = []
+    chosen = redundancy._Motion.superfluous
+
+    def looked_at(motion):
+        rows = chosen(motion)
+        for name, value in (("STEP", redundancy.STEP / 8), ("MOST_STEPS", 800), ("EFFORT", 1e9), ("ROUND", 80)):
+            monkeypatch.setattr(redundancy, name, value)
+        finely = redundancy._Motion(motion._own, motion._missing, motion._start, motion._basis, motion._unit)
+        assert not finely.contradiction() and len(finely.null) > 6 * len(motion.null)
+        found.append(np.linalg.svd(np.array(finely.null)[:, rows], compute_uv=False)[:, -1].min())
+        return rows
+
+    monkeypatch.setattr(redundancy._Motion, "superfluous", looked_at)
+    for joint in joints:
+        text = swapped(text, joint)
+    scene = build(parse_deck(text))
+    assert scene.system.n - scene.system.n_rows == 1
+    assert found[0] > 0.05
 
 
 def test_a_loop_in_another_place_moves_alike():
