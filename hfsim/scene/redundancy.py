@@ -266,7 +266,7 @@ class _Motion:
         return best
 
     def _farthest(self, pool: IntArray) -> list[int]:
-        """Return the rows of a pool that take most part in null vectors on average, each beside those before."""
+        """Return rows of a pool that take most part in null vectors on average, each beside those before."""
         rest, rows = self._carried[:, pool].mean(axis=0), list[int]()
         for _ in range(self._missing):
             sizes = np.linalg.norm(rest, axis=1)
@@ -292,7 +292,7 @@ class _Motion:
 
     @cached_property
     def _carried(self) -> Array:
-        """Null vectors of all steps, (n_steps, n_rows, missing), such that they turn least from step to step."""
+        """Null vectors of all steps, (n_steps, n_rows, missing), such that they turn least between these."""
         found = self.null[:1]
         for null in self.null[1:]:
             left, _, right = np.linalg.svd(null.T @ found[-1])
