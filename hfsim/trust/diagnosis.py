@@ -40,6 +40,9 @@ from hfsim.trust.validity import STEEP, truncated_beams, watch_validity
 
 FEW_REJECTED, LAST, AS_LONG = 0.5, 100, 0.7
 """Share of rejected steps of a run that is only long; steps at its end, and their length over that of all."""
+NEAR, FALLEN, SOON, BENT = 0.03, 4.0, 0.01, 0.03
+"""Smallest singular value of the joint equations, over that at the start, from which it may be about to
+vanish: if it fell to a part within a share of the time, and its square along a straight line but for this."""
 FLAT = 1e-2
 """Stretch of a beam's axis below which it has next to no direction: joints that hold one lose it."""
 MASSLESS = 1e-8
@@ -119,7 +122,9 @@ def _dead_centre(stop: SolverFailure, trial: Experiments) -> SolverFailure | Non
     """Joint equations of several joints that lose rank along the way, not for want of a direction."""
     scene, end = trial.scene, trial.done.trajectory
     first, last = (joint_dependence(scene, q) for q in (scene.q, end.q))
-    if last.size > DEAD * first.size or len(last.joints) < 2:
+    if len(last.joints) < 2 or last.size > NEAR * first.size:
+        return None
+    if last.size > DEAD * first.size and not _runs_out(trial, last.size):
         return None
     if any(least[0] < FLAT for least in _stretches(scene, end.q[None]).values()):
         return None
@@ -135,6 +140,28 @@ def _dead_centre(stop: SolverFailure, trial: Experiments) -> SolverFailure | Non
     reason += "the joint equations lose their rank and no single motion leads on"
     evidence = {"smallest_singular_value": last.size, "smallest_singular_value_at_start": first.size}
     return replace(_classed(stop, "physical", item, evidence, trial.command_until_then()), reason=reason)
+
+
+def _runs_out(trial: Experiments, size: float) -> bool:
+    """Whether the smallest singular value at the end, of this size, is on its way to zero soon.
+
+    Before a dead centre all is off its place there as the root of the time that is left, and so is that
+    value: its square falls along a straight line.
+    """
+    path = trial.done.trajectory
+
+    def square(ago: float) -> float:
+        q = path.at(np.array([path.t_end - ago]))[0][0]
+        return float(joint_dependence(trial.scene, q).size ** 2)
+
+    ago, before = path.segments[-1].h if path.segments else path.t_end, 0.0
+    while before < (FALLEN * size) ** 2:
+        ago *= 2.0
+        if ago > SOON * path.t_end:
+            return False
+        before = square(ago)
+    straight = 0.5 * (before + size**2)
+    return abs(square(0.5 * ago) - straight) < BENT * straight
 
 
 def _left_out(stop: SolverFailure, item: str, at: float, size: float) -> SolverFailure:

@@ -5,6 +5,7 @@ import json
 import shlex
 from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from click.testing import CliRunner
 from integrated import integrate
 from mechanisms import bricard
 from scipy.integrate import quad
+from scipy.optimize import brentq
 from zoo import DEAD_CENTRE
 
 from hfsim.cli import app
@@ -22,9 +24,12 @@ from hfsim.integrators.collocation import CollocationStepper
 from hfsim.integrators.explicit import Explicit
 from hfsim.marching.culprit import non_finite
 from hfsim.marching.integration import run_integration
+from hfsim.maths.rank import Dependence
+from hfsim.maths.rotations import rotation
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
+from hfsim.trust import diagnosis
 from hfsim.trust.experiments import joint_dependence
 from hfsim.trust.growth import amplitude_of, loaded_items
 from hfsim.trust.suspicion import singular_position
@@ -408,6 +413,60 @@ def test_an_equation_that_was_left_out_and_counts(monkeypatch):
     assert (run.failure["class"], run.failure["item"]) == ("numerical", "joints.j4")
     assert "an equation of joints.j4 counts that was left out" in run.reason and run.failure["line"] == line_of(text, "j4")
     assert "spherical or cylindrical" in run.failure["try"]
+
+
+RSSR = """hfsim: 1
+gravity: [0.0, 0.0, -9.81]
+ground: {points: {d: [0.8, -0.1, 0.0]}}
+bodies:
+  crank: {type: rigid, mass: 1.0, inertia: [0.01, 0.01, 0.01], points: {a: [-0.1, 0.0, -0.05], b: [0.1, 0.0, 0.05]}}
+  rod: {type: rigid, mass: 2.0, inertia: [0.1, 0.1, 0.1], points: {b: [-0.25, -0.15, -0.2], c: [0.25, 0.15, 0.2]}}
+  rocker: {type: rigid, mass: 1.5, inertia: [0.05, 0.05, 0.05], points: {c: [-0.05, 0.2, 0.25], d: [0.05, -0.2, -0.25]}}
+joints:
+  axle: {type: revolute, between: [ground, crank.a], axis: [0.3, 0.2, 1.0]}
+  first: {type: spherical, between: [crank.b, rod.b]}
+  second: {type: spherical, between: [rod.c, rocker.c]}
+  swing: {type: revolute, between: [ground.d, rocker.d], axis: [1.0, 0.3, 0.2]}
+  drive: {type: driver, between: [ground, crank.a], axis: [0.3, 0.2, 1.0], angle: {type: smooth_step, from: 0, to: 6, start: 0, end: 1}}
+solve: {duration: 1.0, tolerance: 1.0e-8}
+"""
+
+
+def test_a_driver_into_a_dead_centre_in_space():
+    """Steps crawl before the joint equations have lost their rank: no joint was named."""
+    run = diagnosed(RSSR)
+
+    def beside(turn):
+        """Of the pin's distance from the rocker's circle, by which the rod is too long or not."""
+        along, about = (np.array(axis) / np.linalg.norm(axis) for axis in ([0.3, 0.2, 1.0], [1.0, 0.3, 0.2]))
+        pin, arm = rotation(turn * along) @ [0.2, 0.0, 0.1], np.array([-0.1, 0.4, 0.5])
+        centre = np.array([0.8, -0.1, 0.0]) + about * (about @ arm)
+        radius, off = arm - about * (about @ arm), centre - pin
+        gap = 0.5 - off @ off - radius @ radius
+        return np.hypot(2.0 * off @ radius, 2.0 * off @ np.cross(about, radius)) - abs(gap)
+
+    turn = brentq(beside, 1.0, 2.0)
+    time = brentq(lambda t: 6.0 * t**3 * (10.0 - 15.0 * t + 6.0 * t * t) - turn, 0.1, 0.9)
+    assert (run.failure["class"], run.failure["item"]) == ("physical", "joints.drive")
+    assert run.failure["time"] == pytest.approx(time, rel=1e-5)
+    assert "drives the mechanism into a dead centre" in run.reason
+
+
+@pytest.mark.parametrize(
+    ("size", "known"),
+    [
+        (lambda t: 1e-2 * np.sqrt(1.0 + 1e-9 - t), True),
+        (lambda t: 1e-2 * (1.0 + 1e-5 - t), False),  # passes at its pace
+        (lambda t: 1e-6 * np.exp((1.0 - t) * 1e4), False),
+        (lambda t: 1e-6 + 0.0 * t, False),
+        (lambda t: 1e-3 * np.sqrt(1.02 - t), False),  # far ahead
+    ],
+)
+def test_a_dead_centre_ahead_is_known_by_how_what_vanishes_falls(size, known, monkeypatch):
+    monkeypatch.setattr(diagnosis, "joint_dependence", lambda scene, q: Dependence(0, float(size(q)), ()))
+    path = SimpleNamespace(t_end=1.0, segments=[SimpleNamespace(h=1e-11)], at=lambda t: (t, t))
+    trial = SimpleNamespace(scene=None, done=SimpleNamespace(trajectory=path))
+    assert diagnosis._runs_out(trial, float(size(1.0))) is known
 
 
 def test_a_driver_into_a_dead_centre():
