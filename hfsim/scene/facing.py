@@ -191,8 +191,7 @@ class Facings:
 
     def _by_hinge(self, joint: JointSpec, known: Array, back: bool) -> Array | None:
         """Return the smallest rotation from the ground's axes that puts one body's axis on the other's."""
-        states = getattr(joint, "orientation", None) is not None
-        if not joint.follows_start or not joint.turns or states or _bodies(joint) in self._led:
+        if not joint.follows_start or not joint.turns or _oriented(joint) or _bodies(joint) in self._led:
             return None
         return smallest_rotation(axis_of(joint), known @ axis_of(joint))
 
@@ -207,11 +206,13 @@ class Facings:
     def of(self, joint: JointSpec) -> tuple[Array, ...]:
         """Return the matrix (3, 3) from B's frame to A's where a joint's angles are zero; () in a plane.
 
-        A line without sections has an angle of its tangent, which no tilt at the start changes.
+        A line without sections has an angle of its tangent, which no tilt at the start changes.  Hinges that
+        state an orientation have their axis in B by that, whatever is said of where B starts.
         """
         if self._deck.dimension == 2:
             return ()
-        if _among(joint, self._loose) or (self._by_own and self._guessed(joint)):
+        oriented = joint.turns and _oriented(joint)
+        if oriented or _among(joint, self._loose) or (self._by_own and self._guessed(joint)):
             return (_held(joint),)
         a, b = (split_point(end)[0] for end in joint.between)
         stated = _held(joint)
@@ -237,6 +238,11 @@ def _bodies(joint: JointSpec) -> frozenset[str]:
 def _leads(joint: JointSpec) -> bool:
     """Tell whether it is a driver that holds an angle, or what is stated of one."""
     return joint.follows_start and joint.holds and getattr(joint, "angle", None) is not None
+
+
+def _oriented(joint: JointSpec) -> bool:
+    """Tell whether a joint states how its bodies face each other where its angle is zero."""
+    return getattr(joint, "orientation", None) is not None
 
 
 def _among(joint: JointSpec, joints: Iterable[JointSpec]) -> bool:

@@ -5,9 +5,11 @@ import re
 
 import numpy as np
 import pytest
+import yaml
+from mechanisms import bennett
 
 from hfsim.errors import DeckError
-from hfsim.maths.rotations import rotation
+from hfsim.maths.rotations import rotation, rotation_vector
 from hfsim.scene.assembly import angles_of
 from hfsim.scene.build import build
 from hfsim.scene.facing import Facings
@@ -422,6 +424,43 @@ solve: {duration: 0.02}
 output: {interval: 0.02, channels: [d.angle]}
 """
 ROUGH = "a: {orientation: {rotation_vector: [0.4, 0.5, -0.3]}}"
+
+
+@pytest.mark.parametrize("kind", ["revolute", "cylindrical"])
+def test_a_hinge_that_states_its_orientation_has_its_axis_by_that(kind):
+    """Not where a body is said to start, which is a guess: nothing was said, and the axis in it was tilted."""
+    joint = ELBOW.replace("revolute", kind).replace("}", ", orientation: {rotation_vector: [0.1, 0.2, 0.5]}}")
+    joints, guess = AXLE.replace("revolute", "fixed") + joint, "arm: {orientation: {rotation_vector: [0.3, 0.1, 0.4]}EXACT}"
+    built = scene(joints, guess.replace("EXACT", ""))
+    own = rotation(np.array([0.1, 0.2, 0.5])).T @ [0.0, 1.0, 0.0]
+    R = turns(built)
+    assert R["hub"] @ [0.0, 1.0, 0.0] == pytest.approx(R["arm"] @ own, abs=1e-12)
+    assert any("initial.arm.orientation" in one and "taken as a guess" in one for one in built.warnings)
+    with pytest.raises(DeckError, match="closed with what is exact"):
+        scene(joints, guess.replace("EXACT", ", exact: true"))
+
+
+@pytest.mark.parametrize("off", [1e-6, 1e-2])
+def test_a_loop_of_hinges_that_state_their_orientations_closes_from_rough_ones_of_its_bodies(off):
+    """What was left by axes that had been tilted with the bodies could not be closed."""
+    deck = yaml.safe_load(bennett())
+    faced = {"ground": np.eye(3)}
+    for name, entry in deck["initial"].items():
+        x, y = map(np.array, entry["orientation"].values())
+        faced[name] = np.stack([x, y, np.cross(x, y)], axis=1)
+    for joint in deck["joints"].values():
+        A, B = (faced[end.partition(".")[0]] for end in joint["between"])
+        joint["orientation"] = {"rotation_vector": rotation_vector(A.T @ B).tolist()}
+    for k, name in enumerate(deck["initial"]):
+        R = rotation(off * np.sin([1.0 + k, 2.0 + k, 3.0 - k])) @ faced[name]
+        deck["initial"][name] = {"orientation": {"x": R[:, 0].tolist(), "y": R[:, 1].tolist()}}
+    built = build(parse_deck(yaml.safe_dump(deck, sort_keys=False)))
+    assert 0.1 * off < max(change.rough for change in built.assembly.changes) < 10.0 * off
+    found = {"ground": np.eye(3), **turns(built)}
+    for joint in built.deck.joints.values():
+        A, B = (found[end.partition(".")[0]] for end in joint.between)
+        axis = np.array(joint.axis)
+        assert B @ joint.orientation.matrix.T @ axis == pytest.approx(A @ axis, abs=1e-12)
 
 
 @pytest.mark.parametrize("zero", ["", ", orientation: {rotation_vector: [0.9, 0.2, 0.4]}"])

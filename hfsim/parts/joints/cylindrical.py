@@ -29,7 +29,8 @@ class CylindricalSpec(JointSpec):
 
     orientation: Orientation | None = None
     """Orientation of B's frame relative to A's where the angle is zero, and where B starts if nothing else
-    says so; without it the smallest rotation that takes the axis in B to that in A."""
+    says so; the axis in B follows from it, whatever is said of where B starts. Without it the smallest
+    rotation that takes the axis in B to that in A, and that axis is where B is said to start."""
 
     turning: TurningResistanceSpec | None = None
     """Damping, friction, stops and latch of the turn."""

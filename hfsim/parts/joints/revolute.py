@@ -32,7 +32,8 @@ class RevoluteSpec(JointSpec, TurningResistanceSpec):
 
     orientation: Orientation | None = None
     """Orientation of B's frame relative to A's where the angle is zero, in space, and where B starts if
-    nothing else says so; without it the smallest rotation that takes the axis in B to that in A."""
+    nothing else says so; the axis in B follows from it, whatever is said of where B starts. Without it the
+    smallest rotation that takes the axis in B to that in A, and that axis is where B is said to start."""
 
     def held(self, facing: Array | None = None) -> tuple[Held, ...]:
         """Return what the joint holds."""
