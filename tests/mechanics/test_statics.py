@@ -581,7 +581,7 @@ def test_a_search_that_begins_anew_counts_turns_from_the_start():
     problem = problem_of(scene, 0.0, turns)
     relaxed(problem, problem.begin(), Effort())
     assert np.rad2deg(turns.angles["hinge"]) == pytest.approx(240.0, abs=1e-6)
-    turns(0.0, problem.begin())
+    turns(0.0, problem.expand(problem.begin().z))
     assert np.rad2deg(turns.angles["hinge"]) == pytest.approx(-20.0, abs=1e-6)
 
 
