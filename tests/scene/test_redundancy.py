@@ -77,8 +77,8 @@ def swapped(text, joint):
     ("text", "joints"),
     [
         (mechanisms.bennett(), ()),
-        (mechanisms.bennett(), ("j1", "j3")),  # no rows of joints alone will do
-        (mechanisms.bennett(angle=1.9), ("j1",)),
+        (mechanisms.bennett(), ("j1", "j3")),
+        (mechanisms.bennett(angle=1.9), ("j1",)),  # no rows of joints alone will do
         (mechanisms.bennett(twists=(0.3, 0.9)), ("j0", "j1")),
         (mechanisms.bricard(), ("j1", "j2")),
     ],
