@@ -10,6 +10,7 @@ from hfsim.deck.complaints import Complaint
 from hfsim.deck.fields import Between, split_point
 from hfsim.deck.spec import Around, Spec, entry_of
 from hfsim.maths.arrays import Array
+from hfsim.maths.rotations import freedoms
 
 if TYPE_CHECKING:
     from hfsim.deck.law_spec import LawSpec
@@ -49,8 +50,8 @@ class BodySpec(Spec):
         raise NotImplementedError
 
     def size(self, n_dim: int) -> int:
-        """Return the number of its absolute coordinates; here those of a rigid body."""
-        return 3 if n_dim == 2 else 12
+        """Return the number of its coordinates; of a rigid body its freedoms, as its axes cost little."""
+        return freedoms(n_dim)
 
     def default_channels(self, n_dim: int) -> tuple[str, ...]:
         """Return what is written of it where a deck names no channels."""

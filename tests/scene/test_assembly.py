@@ -407,22 +407,20 @@ def test_what_hangs_slack_is_refused_with_the_arc_that_closes(span, space):
 @pytest.mark.parametrize(
     "kind",
     [
-        {"type": "rigid", "mass": 1.0, "inertia": 1.0},
         {"element": "cable", "degree": 5},
         {"element": "cosserat", "degree": 2},
         {"element": "continuum", "degree": 4, "section_degree": 3},
     ],
-    ids=lambda kind: kind.get("element", "rigid"),
+    ids=lambda kind: kind["element"],
 )
-def test_bodies_know_how_many_coordinates_they_will_have(kind, space):
+def test_beams_know_how_many_coordinates_they_will_have(kind, space):
     beam = {"type": "beam", "material": "m", "section": "s", "length": 1.0, "elements": 3}
-    inertia = {"inertia": [1.0] * 3} if space == 3 and "mass" in kind else {}
     deck = {
         "hfsim": 1,
         "gravity": [0.0] * space,
         "materials": {"m": {"density": 1.0, "youngs_modulus": 1.0}},
         "sections": {"s": {"shape": "rectangle", "width": 0.1, "height": 0.1}},
-        "bodies": {"b": (kind | inertia if "mass" in kind else beam | kind)},
+        "bodies": {"b": beam | kind},
         "solve": {"duration": 1.0},
     }
     loaded = hfsim.load(deck)
