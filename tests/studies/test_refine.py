@@ -17,8 +17,10 @@ from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.shipped import CASES
 from hfsim.simulate import simulate
+from hfsim.studies.methods import Entry, Probe
 from hfsim.studies.refine import refine
 from hfsim.studies.refine.part import Part
+from hfsim.studies.refine.races import Pair, Races
 from hfsim.studies.refine.search import Search
 from hfsim.studies.refine.setting import Setting, refined
 
@@ -419,3 +421,23 @@ def test_each_deck_has_its_own_target(tmp_path, monkeypatch):
     assert "refinement" not in summaries["plain"]
     assert summaries["easy"]["refinement"]["status"] == "reached"
     assert [summaries[n]["exit_code"] for n in decks] == [0, 0, 5]
+
+
+def test_a_method_that_won_on_a_coarser_mesh_alone_is_not_told_as_slower():
+    """The table had it reach the error, timed again, while the sentence had it among those that do not."""
+    level = SimpleNamespace(method="gauss")
+    search = SimpleNamespace(
+        loaded=SimpleNamespace(deck=SimpleNamespace(solve=SimpleNamespace(method="auto"))),
+        current=level, levels=[level],
+    )  # fmt: skip
+    races = Races(search)
+    races.pair = Pair(level, level, 0.0, 2.0e-5)
+    races.probes = [
+        Probe(method, 1.0e-5, outcome, "", "gauss", 10, 1.0, 4.5, 1.0)
+        for method, outcome in (("gear", "outrun"), ("explicit", "reached"))
+    ]
+    races.ahead = Entry("explicit", 1.0e-5, None, None, 1.0, 1.0e-6, 4.5)
+    assert "none of gear reaches" in races.words
+    assert "explicit was 4.5 times sooner on a coarser mesh, and not timed on this one" in races.words
+    races.ahead = None
+    assert "none of gear, explicit reaches" in races.words and "coarser" not in races.words

@@ -191,12 +191,16 @@ class Races:
         own = (self.search.current or self.search.levels[0]).method
         others = ", ".join(name for name in self.open if name not in own.split(", "))
         late = f"; not judged for lack of time: {others}" if others else ""
+        if (ahead := self.ahead) is not None:
+            sooner = f"{ahead.to_beat / ahead.cpu:.2g} times sooner"
+            late = f"; {ahead.method} was {sooner} on a coarser mesh, and not timed on this one{late}"
         if self.taken:
             return "; then ".join(self.taken) + late
         default = f"{own}, the default"
         if self.pair is None:
             return f"{default}: no error in time was measured to compare methods at"
-        judged = dict.fromkeys(probe.method for probe in self.probes if probe.method not in self.open)
+        unjudged = {*self.open, ahead.method if ahead else ""}
+        judged = dict.fromkeys(probe.method for probe in self.probes if probe.method not in unjudged)
         if not judged:
             return default + late
         return (
