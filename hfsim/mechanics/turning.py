@@ -120,10 +120,7 @@ class Turning:
 
     @classmethod
     def held_by_joints(cls, bodies: Sequence[Body], equations: Equations, x: Array) -> Turning | None:
-        """Return the one rotation of everything, at 1 rad/s, that joints allow at x (n_x,), without drivers.
-
-        None is returned where they allow none, or several.
-        """
+        """Return the one rotation of everything, 1 rad/s, that undriven joints allow at x (n_x,), or None."""
         n_dim = bodies[0].n_dim
         units = np.concatenate([one.rates(x[None]) for one in cls.units(bodies, n_dim)])
         free = undriven(equations, x, units)
@@ -131,8 +128,9 @@ class Turning:
             return None
         velocity, spin = np.split(free[0] / np.linalg.norm(free[0, n_dim:]), [n_dim])
         spin, velocity = (np.sign(spin[np.argmax(np.abs(spin))]) * one for one in (spin, velocity))
-        # a screw is no rotation
-        if n_dim == 3 and abs(velocity @ spin) > SINGULAR * np.linalg.norm(velocity):
+        # a screw is no rotation; where the axis runs through the origin, the velocity there is but rounding
+        energies = np.sum(equations.momentum(x[None], units) * units, axis=1)
+        if n_dim == 3 and (velocity @ spin) ** 2 * energies[0] > SINGULAR**2 * energies[n_dim:].max():
             return None
         return cls.of(bodies, spin, spun(spin, velocity), is_sparse(equations.constant_mass))
 
@@ -283,9 +281,8 @@ class Turning:
         """Return coordinates (n_batch, n_x) after a turn by so many times the spin [s], without travel."""
         from scipy.sparse.linalg import expm_multiply
 
-        whole = _bordered(self.matrix, self.shift)
         points = np.concatenate([x.T, np.ones((1, len(x)))])
-        return np.asarray(expm_multiply(angle * whole, points)[:-1].T)
+        return np.asarray(expm_multiply(angle * _bordered(self.matrix, self.shift), points)[:-1].T)
 
     def along(self, changes: Array, angle: float) -> Array:
         """Return what small changes (n_batch, n_x) of coordinates have become after such a turn."""

@@ -8,7 +8,9 @@ from scipy.optimize import brentq
 
 import hfsim
 from hfsim.mechanics.nearest_rates import without_noise
+from hfsim.mechanics.turning import Turning
 from hfsim.output.modes import campbell_text, state_warnings
+from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 
 ROTOR = """hfsim: 1
@@ -577,6 +579,41 @@ def test_crossings_of_rotors_belong_to_the_mode_that_has_them():
     found = hfsim.campbell(parse_deck(OVERHUNG), [0, 100, 200, 300], count=5)
     told = {(one.order, round(one.rate, 2)) for one in found.crossings}
     assert len(told) == len(found.crossings) and told == overhung_crossings(0.5, 299.5)
+
+
+MAST = """hfsim: 1
+gravity: [0, 0, 0]
+materials: {m: {density: 1800, youngs_modulus: 3.0e10, poisson_ratio: 0.3}}
+sections: {tube: {shape: circle, diameter: 0.03}}
+bodies:
+  mast: {type: beam, element: cosserat, material: m, section: tube, length: 0.5, elements: 3, degree: 3}
+  bar: {type: rigid, mass: 1.0, inertia: [0.02, 0.003, 0.02]}
+joints:
+  foot: {type: revolute, between: [ground, mast.root]}
+  w: {type: fixed, between: [mast.tip, bar], orientation: {axis: [0, 1, 0], angle: -90 deg}}
+initial: {mast: {orientation: {axis: [0, 1, 0], angle: -90 deg}}}
+solve: {duration: 0.1}
+"""
+
+
+@pytest.mark.parametrize(("pitch", "turns"), [(0.0, True), (1e-31, True), (1e-14, True), (1e-6, False)])
+def test_an_axis_through_the_origin_is_no_screw_by_rounding(monkeypatch, pitch, turns):
+    """The velocity of the origin is rounding there, along the axis as well as across it."""
+    scene = build(parse_deck(MAST))
+    moves = np.array([[0.0, 0.0, pitch, 0.0, 0.0, 1.0]])
+    monkeypatch.setattr("hfsim.mechanics.turning.undriven", lambda *_: moves)
+    bodies, equations = list(scene.bodies.values()), scene.system.equations
+    x = scene.system.absolute(scene.q[None])[0]
+    found = Turning.held_by_joints(bodies, equations, x)
+    assert (found is not None) is turns
+    if turns:
+        assert found.spin == pytest.approx([0.0, 0.0, 1.0]) and found.centre == pytest.approx(np.zeros(3))
+
+
+@pytest.mark.parametrize("elements", [1, 3])
+def test_a_mast_turns_about_its_own_line(elements):
+    deck = parse_deck(MAST.replace("elements: 3", f"elements: {elements}"))
+    assert not hfsim.campbell(deck, [0.0, 20.0], count=1).unsteady
 
 
 @pytest.mark.parametrize("case", ["lag", "turning_blade"])
