@@ -581,6 +581,37 @@ def test_crossings_of_rotors_belong_to_the_mode_that_has_them():
     assert len(told) == len(found.crossings) and told == overhung_crossings(0.5, 299.5)
 
 
+STRIP = """hfsim: 1
+gravity: [0, 0, 0]
+sections:
+  s:
+    mass_per_length: 1.728
+    rotary_inertia: [9.308e-4, 9.2e-6, 9.216e-4]
+    axial_stiffness: 4.48e7
+    shear_stiffness: [SHEAR, SHEAR]
+    torsion_stiffness: 350
+    bending_stiffness: [238.9, 23893]
+bodies:
+  hub: {type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1], points: {rim: [0.3, 0, 0]}}
+  b: {type: beam, element: cosserat, section: s, length: 1.2, elements: 6, degree: 4}
+joints:
+  axle: {type: revolute, between: [ground, hub]}
+  mount: {type: fixed, between: [hub.rim, b.root]}
+  drive: {type: driver, between: [ground, hub], angle: {type: constant_rate, rate: 1}}
+solve: {duration: 0.1}
+"""
+
+
+@pytest.mark.parametrize("shear", [4.48e8, 4.48e9])
+def test_blades_stiff_in_shear_turn_steadily_at_all_rates(shear):
+    """After a turn rounding grows with what is stiff across the axis; at the start nothing lies there."""
+    found = hfsim.campbell(parse_deck(STRIP.replace("SHEAR", str(shear))), [0.0, 0.5, 1.0, 5.0], count=1)
+    assert not found.unsteady
+    # of Euler's beam, but for the inertia of its sections
+    first = 1.875104**2 * np.sqrt(238.9 / 1.728) / 1.2**2 / (2.0 * np.pi)
+    assert found.frequencies(1)[0] == pytest.approx(first, rel=1e-4)
+
+
 MAST = """hfsim: 1
 gravity: [0, 0, 0]
 materials: {m: {density: 1800, youngs_modulus: 3.0e10, poisson_ratio: 0.3}}

@@ -7,7 +7,6 @@ import numpy as np
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.matrices import Matrix
 from hfsim.mechanics.nearest_rates import NOISE
-from hfsim.mechanics.small_motions import small_motions
 from hfsim.studies.modes.state import EVEN, About
 
 
@@ -32,8 +31,7 @@ def stays_even(state: About, shapes: ComplexArray, rates: Array, uncertainty: Ar
     before, after = reduction.free_rates(changes), reduction.free_rates(turned)
     if not np.allclose(reduction.expand_rates(after), turned, atol=EVEN * float(np.abs(turned).max())):
         return False
-    x, u = state.after_a_turn
-    own, other = state.motions, small_motions(system, state.t, x[0], u[0], turning)
+    own, other = state.motions, state.turned
     gaps = np.abs(other.jacobian @ after.T).max(axis=0, initial=0.0)
     # rows along which nothing moves are rounding themselves
     held = abs(other.jacobian).max() if other.jacobian.shape[0] else 0.0

@@ -162,6 +162,12 @@ class About:
         return x + seconds * self.turning.travel, self.turning.rates(x)
 
     @cached_property
+    def turned(self) -> SmallMotions:
+        """The small motions after a turn by one radian."""
+        x, u = self.after_a_turn
+        return small_motions(self.system, self.t, x[0], u[0], self.turning)
+
+    @cached_property
     def unevenness(self) -> float:
         """How much else accelerations are after a turn by one radian, over those of the rotation [-].
 
@@ -172,17 +178,17 @@ class About:
         if self.turning is None:
             return 0.0
         system, turning = self.system, self.turning
-        x, u = self.after_a_turn
+        x = self.after_a_turn[0]
         if not np.allclose(system.reduction.expand(system.reduction.free(x)), x, atol=1e-6 * self.size):
             return np.inf
-        t = np.array([self.t])
-        found = system.reduction.expand_rates(system.equations.solve(t, x, u, system.force(t, x, u))[0])
         before = self.motions.a - turning.accelerations(self.motions.x[None])[0]
-        after = found[0] - turning.accelerations(x - turning.travel / turning.rate)[0]
+        after = self.turned.a - turning.accelerations(x - turning.travel / turning.rate)[0]
         size = self.mean(turning.accelerations(self.motions.x[None])[0]) or 1.0
         # in the axes, what there is of other accelerations turns with them
         change = abs(self.mean(after) - self.mean(before))
-        return 0.0 if change <= self._rounding else change / size
+        # what lies along an axis of the ground has no digits to lose across it until it has turned
+        rounding = max(self._rounding, NOISE * self.mean(self.turned.blur))
+        return 0.0 if change <= rounding else change / size
 
     @property
     def _least(self) -> float:
