@@ -47,6 +47,8 @@ class Turning:
     own : dict of str to float
         Rates [rad/s] at which bodies that are the same all around an axis turn about it besides; nobody sees
         that they do.
+    lead : str or None
+        Of these the one whose rate `at_rate` means; without one it is the fastest spin.
     """
 
     matrix: Matrix
@@ -56,6 +58,7 @@ class Turning:
     centre: Array
     velocity: Array
     own: dict[str, float] = field(default_factory=dict)
+    lead: str | None = None
 
     @property
     def rate(self) -> float:
@@ -256,7 +259,7 @@ class Turning:
 
     def at_rate(self, rate: float) -> Turning:
         """Return the same at another angular velocity, of this size and sense [rad/s]."""
-        factor = rate / self.rate
+        factor = rate / (self.rate if self.lead is None else abs(self.own[self.lead]))
         turned = factor * self.matrix, factor * self.shift
         own = {name: factor * one for name, one in self.own.items()}
         return replace(self, matrix=turned[0], shift=turned[1], spin=factor * self.spin, own=own)

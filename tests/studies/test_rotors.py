@@ -581,6 +581,33 @@ def test_crossings_of_rotors_belong_to_the_mode_that_has_them():
     assert len(told) == len(found.crossings) and told == overhung_crossings(0.5, 299.5)
 
 
+TWO_WHEELS = """hfsim: 1
+gravity: [0, 0, 0]
+bodies:
+  frame: {type: rigid, mass: 5.0, inertia: [0.1, 0.1, 0.1], points: {u: [0, 0, 0.2], d: [0, 0, -0.2]}}
+  w1: {type: rigid, mass: 1.0, inertia: [0.01, 0.01, 0.018]}
+  w2: {type: rigid, mass: 1.0, inertia: [0.01, 0.01, 0.018]}
+joints:
+  a1: {type: revolute, between: [frame.u, w1]}
+  a2: {type: revolute, between: [frame.d, w2]}
+springs: {m: {type: bushing, between: [ground, frame], stiffness: 1.0e5, rotational_stiffness: 1000}}
+initial: {w1: {angular_velocity: [0, 0, 100]}, w2: {angular_velocity: [0, 0, -300]}}
+solve: {duration: 0.1}
+"""
+
+
+@pytest.mark.parametrize(("body", "together"), [("w1", -2.0), ("w2", 2.0 / 3.0), (None, 2.0 / 3.0)])
+def test_rates_are_those_of_the_rotor_that_is_named(body, together):
+    """I z'' - i h z' + k z = 0 with the angular momentum h of both wheels; the slower one was refused."""
+    rates = [100.0, 150.0]
+    found = hfsim.campbell(parse_deck(TWO_WHEELS), rates, count=4, body=body)
+    assert not found.unsteady and "at rest" in campbell_text(found, "")
+    tilt = 0.1 + 2.0 * (0.01 + 0.2**2)
+    for rate, modes in zip(rates, found.founds, strict=True):
+        expected = np.sort(np.abs(np.roots([tilt, -0.018 * together * rate, -1000.0]))) / (2.0 * np.pi)
+        assert np.sort([modes[3].frequency, modes[4].frequency]) == pytest.approx(expected, rel=1e-9)
+
+
 STRIP = """hfsim: 1
 gravity: [0, 0, 0]
 sections:

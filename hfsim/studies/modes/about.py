@@ -74,6 +74,8 @@ def check_state(state: str, at: float | None, period: float | None = None) -> No
 def seen_from(start: About, body: str) -> About:
     """Return a start as seen from axes that turn with one body, or at rest where nothing but rotors turns.
 
+    Of rotors it is the one whose rate others are told as.
+
     Raises
     ------
     ModesError
@@ -83,9 +85,11 @@ def seen_from(start: About, body: str) -> About:
     if body not in scene.bodies:
         raise ModesError(f"there is no body '{body}': {', '.join(scene.bodies)}")
     at = start.turning
-    if at is not None and not start.axes_turn and np.isclose(abs(at.own.get(body, 0.0)), at.rate):
-        return start
-    turning: Turning | None = turning_with(scene, body)
+    turning: Turning | None
+    if at is not None and not start.axes_turn and body in at.own:
+        turning = replace(at, lead=body)
+        return replace(start, motions=replace(start.motions, turning=turning))
+    turning = turning_with(scene, body)
     if turning is not None and not turning.rate:
         bodies = list(scene.bodies.values())
         turning = Turning.held_by_joints(bodies, scene.system.equations, start.motions.x)
