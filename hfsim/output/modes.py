@@ -184,6 +184,7 @@ def campbell_text(result: Campbell, place: str) -> str:
     for rate, found in zip(result.rates, result.founds, strict=True):
         lines += [wrapped(one) for one in _of_search(found.about, f"at {rate:.6g} rad/s")]
     lines.append(table(names, rows))
+    lines += [wrapped(one) for one in _of_guesses(result.guessed)]
     stuck = {one.place: one for found in result.founds for one in found.sticking}
     lines += [wrapped(one) for one in _of_friction(list(stuck.values()))]
     facts = result.facts()
@@ -200,6 +201,18 @@ def campbell_text(result: Campbell, place: str) -> str:
     if len(facts["unstable"]) > _MOST_TOLD:
         lines.append(f"  and {len(facts['unstable']) - _MOST_TOLD} more, see campbell.csv")
     return "\n".join([*lines, f"  results: {place}"] if place else lines)
+
+
+def _of_guesses(guessed: Sequence[dict[str, Any]]) -> Iterator[str]:
+    """Yield which modes could not be followed for sure."""
+    for one in guessed[:_MOST_TOLD]:
+        where = f"mode {one['mode']} between {one['from']:.4g} and {one['to']:.4g} rad/s"
+        if one["lost"]:
+            yield f"{where} is lost: none beyond, of those looked at, has its shape; a larger --count may"
+        else:
+            yield f"{where} may have become another than told: shapes change too fast there to be followed"
+    if len(guessed) > _MOST_TOLD:
+        yield f"and {len(guessed) - _MOST_TOLD} more, see modes.json"
 
 
 def _rates(rates: Sequence[float]) -> str:

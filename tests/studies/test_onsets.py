@@ -126,7 +126,9 @@ def test_discs_on_unlike_springs_go_away_between_two_rates(inner, outer, rates):
 
 @pytest.mark.parametrize("inner", [2.0, 100.0])
 @pytest.mark.parametrize(
-    "rates", [[0, 30], [0, np.sqrt(500.0), 30], [20, np.sqrt(500.0)], [22, 23], [-40, -10, 10, 30]], ids=str
+    "rates",
+    [[0, 30], [0, np.sqrt(500.0), 30], [20, np.sqrt(500.0)], [22, 23], [-40, -10, 10, 30], [-3, 2]],
+    ids=str,
 )
 def test_critical_rates_are_told_where_growth_begins_as_well(inner, rates):
     """Without damping from outside both are at sqrt(k / m); a rate asked for may be just that."""

@@ -12,6 +12,8 @@ from hfsim.mechanics.turning import Turning
 from hfsim.output.modes import campbell_text, state_warnings
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
+from hfsim.studies.modes.about import about, turning_about
+from hfsim.studies.modes.following import Followed, Steady
 
 ROTOR = """hfsim: 1
 gravity: [0, 0, 0]
@@ -406,8 +408,8 @@ def test_a_disc_alone_on_unlike_bearings_is_seen_from_axes_at_rest():
     for k, rate in enumerate(rates):
         seen = [found.frequencies(number)[k] for number in (2, 3)]
         assert seen == pytest.approx(whirls_of_a_disc(rate), rel=1e-7)
-    for about in ("start", "steady"):
-        modes = hfsim.modes(parse_deck(DISC), about=about, count=3)
+    for state in ("start", "steady"):
+        modes = hfsim.modes(parse_deck(DISC), about=state, count=3)
         assert modes.about.turning.own == {"disc": pytest.approx(50.0)}
         assert modes.frequencies[1:] == pytest.approx(whirls_of_a_disc(50.0), rel=1e-7)
 
@@ -579,6 +581,58 @@ def test_crossings_of_rotors_belong_to_the_mode_that_has_them():
     found = hfsim.campbell(parse_deck(OVERHUNG), [0, 100, 200, 300], count=5)
     told = {(one.order, round(one.rate, 2)) for one in found.crossings}
     assert len(told) == len(found.crossings) and told == overhung_crossings(0.5, 299.5)
+
+
+@pytest.mark.parametrize("rates", [pytest.param([-110, 110], marks=pytest.mark.slow), [20, 10]], ids=str)
+def test_modes_that_change_much_between_two_rates_are_followed_there(rates):
+    """Two modes were exchanged without a word, and from fast to slow crossings were sought at other modes."""
+    found = hfsim.campbell(parse_deck(OVERHUNG), rates, count=5)
+    told = {(one.order, round(one.rate, 2)) for one in found.crossings}
+    assert len(told) == len(found.crossings) and told == overhung_crossings(*sorted(rates))
+    assert found.rates.tolist() == rates and not found.guessed
+
+
+def test_shapes_that_change_much_are_followed_at_rates_in_between():
+    """The mode that whirls as it turns, and as the shaft does not, were exchanged."""
+    start = turning_about(about(parse_deck(OVERHUNG)))
+    follow = Followed(Steady(start, 5))
+    for rate in (-110.0, 100.0):
+        follow.reach(rate, start)
+    assert len(follow.rates) > 2 and not any(often[-1] for often in follow.guesses)
+    before, after = (np.abs(overhung_whirls(rate) - rate) for rate in (-110.0, 100.0))
+    ends = {round(a, 2): b for a, b in zip(before, after, strict=True)}
+    for track in follow.tracks[1:]:
+        first, last = (abs(track[k].value.imag) for k in (0, -1))
+        assert last == pytest.approx(ends[round(first, 2)], rel=1e-4)
+
+
+CLIMBING = """hfsim: 1
+gravity: [0, 0]
+bodies:
+  hub: {type: rigid, mass: 1.0, inertia: 10.0, points: {rim: [1, 0]}}
+  arm: {type: rigid, mass: 1.0, inertia: 0.01, points: {pin: [-0.5, 0]}}
+  d{k=1..8}: {type: rigid, mass: 1.0, inertia: 1.0}
+joints:
+  axle: {type: revolute, between: [ground, hub]}
+  drive: {type: driver, between: [ground, hub], angle: {type: constant_rate, rate: 1}}
+  pin: {type: revolute, between: [hub.rim, arm.pin]}
+  p{k=1..8}: {type: revolute, between: [hub, "d{k}"]}
+springs:
+  coil: {type: rotational, between: [hub, arm], stiffness: 0.26}
+  c{k=1..8}: {type: rotational, between: [hub, "d{k}"], stiffness: "${10*k}"}
+solve: {duration: 1.0}
+"""
+
+
+def test_a_mode_that_climbs_beyond_those_looked_at_is_told_as_lost():
+    """An arm with the stiffness c + m r l W^2, beside eight discs that keep their frequencies."""
+    lost = hfsim.campbell(parse_deck(CLIMBING), [1, 50], count=1)
+    assert lost.facts()["guessed"] == [{"mode": 1, "from": 1.0, "to": 50.0, "lost": True}]
+    assert "mode 1 between 1 and 50 rad/s is lost" in campbell_text(lost, "")
+    found = hfsim.campbell(parse_deck(CLIMBING), [1, 50], count=9)
+    rates = np.sqrt((0.26 + 0.5 * np.square([1.0, 50.0])) / 0.26) / (2.0 * np.pi)
+    assert found.frequencies(1) == pytest.approx(rates, rel=1e-9)
+    assert not found.guessed and "lost" not in campbell_text(found, "")
 
 
 TWO_WHEELS = """hfsim: 1

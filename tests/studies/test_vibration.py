@@ -326,6 +326,11 @@ def test_the_only_mode_of_a_scene_is_followed_however_far_it_swings_out():
     """Frequencies by the effective potential of an arm on a hub."""
     found = hfsim.campbell(parse_deck(SWUNG_OUT), [2.0, 5.0, 10.0])
     assert found.frequencies(1) == pytest.approx([0.546929, 0.844721, 1.80501], rel=1e-5)
+    # it is slower than the rotation for a while, between rates that do not tell: both crossings are found
+    assert [(one.order, one.frequency * 2.0 * np.pi - one.rate) for one in found.crossings] == [
+        (1, pytest.approx(0.0, abs=1e-5)),
+        (1, pytest.approx(0.0, abs=1e-5)),
+    ]
 
 
 def test_a_damper_damps_as_its_ratio_says():

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from hfsim.errors import ArgumentError
 from hfsim.marching.stop import Progress, nobody
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.studies.modes.about import turning_about
-from hfsim.studies.modes.following import Steady, followed, mode_between
+from hfsim.studies.modes.following import Followed, Steady, mode_between
 from hfsim.studies.modes.found import Mode, Modes, check_count
 from hfsim.studies.modes.growth import Onset, onsets
 from hfsim.studies.modes.state import About, ModesError
@@ -32,6 +32,7 @@ _PARTED = 1e-3
 """Of the next rate: where frequencies that are equal at rest have parted."""
 
 _End: TypeAlias = tuple[float, Mode, int]
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,8 @@ class Campbell:
         and at `unsteady` rates.
     senses : tuple of tuple of int
         Minus one from where it goes round the other way, its frequency having gone through zero.
+    guesses : tuple of tuple of int
+        How often so far it could but be guessed what it has become, however close rates were looked at.
     crossings : tuple of Crossing
         From slow to fast.
     onsets : tuple of Onset
@@ -85,7 +88,8 @@ class Campbell:
     rates: Array
     tracks: tuple[tuple[Mode | None, ...], ...]
     senses: tuple[tuple[int, ...], ...]
-    crossings: tuple[Crossing, ...]
+    guesses: tuple[tuple[int, ...], ...]
+    crossings: tuple[Crossing, ...] = ()
     onsets: tuple[Onset, ...] = ()
 
     @property
@@ -103,11 +107,21 @@ class Campbell:
     def at(self, rates: Sequence[float]) -> Campbell:
         """Return what is known at some of the rates."""
         some = [self.rates.tolist().index(rate) for rate in rates]
-        tracks, senses = (
-            tuple(tuple(one[k] for k in some) for one in every) for every in (self.tracks, self.senses)
-        )
-        founds = tuple(self.founds[k] for k in some)
-        return replace(self, founds=founds, rates=self.rates[some], tracks=tracks, senses=senses)
+        founds, tracks = tuple(self.founds[k] for k in some), _places(self.tracks, some)
+        senses, guesses = _places(self.senses, some), _places(self.guesses, some)
+        every = founds, self.rates[some], tracks, senses, guesses
+        return Campbell(*every, self.crossings, self.onsets)
+
+    @property
+    def guessed(self) -> list[dict[str, Any]]:
+        """Rates between which it is not sure what a mode has become, and whether it is lost there."""
+        rates = self.rates.tolist()
+        return [
+            {"mode": number, "from": rates[j], "to": rates[j + 1], "lost": track[j + 1] is None}
+            for number, (track, often) in enumerate(zip(self.tracks, self.guesses, strict=True), 1)
+            for j, (before, after) in enumerate(pairwise(often))
+            if before < after
+        ]
 
     def rows(self) -> list[dict[str, Any]]:
         """Return a row for each mode at each rate."""
@@ -134,6 +148,7 @@ class Campbell:
             "about": {"state": "steady", "rates": self.rates.tolist()},
             "complete": [found.complete for found in self.founds],
             "unsteady_rates": self.unsteady,
+            "guessed": self.guessed,
             "crossings": [one.facts() for one in self.crossings],
             "onsets": [one.facts() for one in self.onsets],
             "unstable": [
@@ -170,24 +185,30 @@ def campbell(
     check_count(count)
     if not len(rates) or not np.isfinite(rates).all():
         raise ArgumentError(f"rates are {list(rates)}: one at least has to be wanted, and all are numbers")
-    walk, founds, wanted = list[float](), list[Modes](), _walk(rates)
-    start = turning_about(start)
+    start, wanted = turning_about(start), _walk(rates)
     steady = Steady(start, count)
+    follow = Followed(steady)
     for k, rate in enumerate(wanted):
         try:
-            found = steady.at(rate, founds[-1].about if founds else start)
+            follow.reach(rate, start)
         except ModesError:
             if rate in rates:
                 raise
             continue
-        walk.append(rate)
-        founds.append(found)
         progress((k + 1) / len(wanted))
-    every = _told(Campbell(tuple(founds), np.array(walk, dtype=float), *followed(founds, count), ()), rates)
-    grown = onsets(every.rates, founds, every.tracks, steady)
+    walk, at = np.array(follow.rates, dtype=float), range(len(follow.rates))
+    senses, guesses = _places(follow.senses, at), _places(follow.guesses, at)
+    every = Campbell(tuple(follow.founds), walk, _places(follow.tracks, at), senses, guesses)
+    every = _told(every, rates)
+    grown = onsets(every.rates, every.founds, every.tracks, steady)
     critical = [Crossing(one.track, 0, one.rate, 0.0) for one in grown if one.critical]
     crossed = sorted([*_crossings(every, steady), *critical], key=lambda one: one.rate)
     return replace(every.at(rates), crossings=tuple(crossed), onsets=tuple(grown))
+
+
+def _places(every: Sequence[Sequence[_T]], some: Sequence[int]) -> tuple[tuple[_T, ...], ...]:
+    """Return what each has at some places."""
+    return tuple(tuple(one[k] for k in some) for one in every)
 
 
 def _told(every: Campbell, rates: Sequence[float]) -> Campbell:
@@ -204,15 +225,16 @@ def _told(every: Campbell, rates: Sequence[float]) -> Campbell:
     kept = [k for k, track in enumerate(seen) if any(mode and mode.kind != "decay" for mode in track)]
     swings = [bool((first := track[0]) and first.kind != "decay") for track in tracks]
     kept.sort(key=lambda k: not swings[k])
-    chosen, senses = tuple(tracks[k] for k in kept), tuple(every.senses[k] for k in kept)
-    return replace(every, tracks=chosen, senses=senses)
+    senses, guesses = (tuple(one[k] for k in kept) for one in (every.senses, every.guesses))
+    return replace(every, tracks=tuple(tracks[k] for k in kept), senses=senses, guesses=guesses)
 
 
 def _walk(rates: Sequence[float]) -> list[float]:
     """Return the rates and some that are not told, next to rest, where shapes do not yet tell modes apart."""
     found: list[float] = []
     for before, rate in pairwise((*rates[:1], *rates)):
-        found += [_PARTED * before] * (rate == 0.0 != before) + [_PARTED * rate] * (before == 0.0 != rate)
+        turning = [one for one in (before, rate) if one and before * rate <= 0.0]
+        found += [math.copysign(_PARTED * min(map(abs, turning)), one) for one in turning]
         found.append(rate)
     return found
 

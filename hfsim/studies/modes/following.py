@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, ComplexArray
 from hfsim.studies.modes.about import turning_at
 from hfsim.studies.modes.found import Mode, Modes, modes_of
-from hfsim.studies.modes.state import About
+from hfsim.studies.modes.state import About, ModesError
 
 SPARE = 6
 """Modes looked at beyond those asked for: some drop out of the slowest."""
@@ -25,6 +25,18 @@ _NEAR = 0.2
 _SLOWER = 0.05
 """Weight of the decay: of two without a frequency, which have one shape, a mode becomes the slower one."""
 _TINY = float(np.finfo(float).tiny)
+_SURE = 0.3
+"""How unlike itself a mode is at most where it is followed for sure: of shapes across it none is as like."""
+_CLOSEST, _LOOKED = 2.0**-8, 24
+"""Shortest step to be sure, over that between rates that are asked for; rates looked at in one at most."""
+
+
+class _Became(NamedTuple):
+    """What a mode is at the next rate, minus one where it goes round the other way, and whether for sure."""
+
+    mode: Mode | None
+    way: int
+    sure: bool
 
 
 @dataclass(eq=False)
@@ -62,39 +74,117 @@ class Steady:
         return self._known[rate]
 
 
-def followed(founds: Sequence[Modes], count: int) -> tuple[Any, Any]:
-    """Return each mode of the first rate, and what else grows at any, with their senses, at all rates."""
-    tracks: list[list[Mode | None]] = [[mode] for mode in founds[0].modes[:count]]
-    senses = [[1] for _ in tracks]
-    last, every = [track[0] for track in tracks], all(len(one.modes) < count + SPARE for one in founds)
-    for number, found in enumerate(founds):
-        for k, (mode, way) in enumerate(_next(found, last, every) if number else ()):
-            tracks[k].append(mode)
-            senses[k].append(way * senses[k][-1])
-            last[k] = mode or last[k]
-        told = [track[-1] for track in tracks]
-        new = [mode for mode in found.unstable if found.steady and mode not in told]
-        tracks += [[*[None] * number, mode] for mode in new]
-        senses += [[1] * (number + 1) for _ in new]
-        last += new
-    return tuple(map(tuple, tracks)), tuple(map(tuple, senses))
+@dataclass(eq=False)
+class Followed:
+    """Modes of the first rate, and what else grows at any that is asked for, at rates that follow another.
 
+    Attributes
+    ----------
+    steady : Steady
+    rates : list of float
+        So far, with those between others at which modes were looked at to be sure [rad/s].
+    founds : list of Modes
+        One at each rate.
+    tracks : list of list of Mode or None
+        Each mode at all rates; None where it is not known.
+    senses : list of list of int
+        Minus one where it goes round the other way.
+    guesses : list of list of int
+        How often so far it could but be guessed what it has become.
+    """
 
-def _next(found: Modes, last: Sequence[Mode | None], every: bool) -> list[tuple[Mode | None, int]]:
-    """Return what modes have become, or None, and minus one where they go round the other way now."""
-    unlike, turned = how_unlike(found, [mode for mode in last if mode is not None], found.modes)
-    known = every and len(found) == len(last)
-    # what is refused all the same takes no other mode its own
-    chosen = assigned(unlike if known else np.minimum(unlike, 1.0 - ALIKE))
-    became = list[tuple[Mode | None, int]]()
-    for k in range(len(last)):
-        j = chosen.get(k)
+    steady: Steady
+    rates: list[float] = field(default_factory=list)
+    founds: list[Modes] = field(default_factory=list)
+    tracks: list[list[Mode | None]] = field(default_factory=list)
+    senses: list[list[int]] = field(default_factory=list)
+    guesses: list[list[int]] = field(default_factory=list)
+    _last: list[Mode] = field(default_factory=list)
+
+    def reach(self, rate: float, near: About) -> None:
+        """Follow modes to a rate, in steps that are halved until it is sure what each has become.
+
+        Parameters
+        ----------
+        near : About
+            A state next to which the first one is sought.
+
+        Raises
+        ------
+        ModesError
+            If there is no steady rotation there.
+        """
+        goals, begun, looked = [rate], len(self.rates) - 1, 0
+        while goals:
+            goal = goals[-1]
+            found = self.steady.at(goal, self.founds[-1].about if self.founds else near)
+            became = self._next(found) if self.founds else []
+            if looked < _LOOKED and not all(one.sure for one in became):
+                middle = 0.5 * (self.rates[-1] + goal)
+                close = abs(goal - self.rates[-1]) <= _CLOSEST * abs(rate - self.rates[begun])
+                # at rest modes are not told apart
+                if middle and not close and self._known(middle):
+                    goals.append(middle)
+                    looked += 1
+                    continue
+            self._add(goal, found, became, goal == rate)
+            goals.pop()
+
+    def _known(self, rate: float) -> bool:
+        """Tell whether there is a steady rotation at a rate."""
+        try:
+            return self.steady.at(rate, self.founds[-1].about).steady
+        except ModesError:
+            return False
+
+    def _add(self, rate: float, found: Modes, became: Sequence[_Became], asked: bool) -> None:
+        """Take modes at the next rate; those that begin to grow are followed from one that is asked for."""
+        if not self.founds:
+            self._begin(found.modes[: self.steady.count])
+        for k, one in enumerate(became):
+            self.tracks[k].append(one.mode)
+            self.senses[k].append(one.way * self.senses[k][-1])
+            self.guesses[k].append(self.guesses[k][-1] + (not one.sure))
+            self._last[k] = one.mode or self._last[k]
+        told = [track[-1] for track in self.tracks]
+        self._begin([mode for mode in found.unstable if asked and found.steady and mode not in told])
+        self.rates.append(rate)
+        self.founds.append(found)
+
+    def _begin(self, modes: Sequence[Mode]) -> None:
+        before = len(self.rates)
+        self.tracks += [[*[None] * before, mode] for mode in modes]
+        self.senses += [[1] * (before + 1) for _ in modes]
+        self.guesses += [[0] * (before + 1) for _ in modes]
+        self._last += modes
+
+    def _next(self, found: Modes) -> list[_Became]:
+        """Return what modes have become."""
+        last, before = self._last, self.founds[-1]
+        unlike, turned = how_unlike(found, last, found.modes)
         # where all that a scene has is known, before and after, nothing can have come or gone
-        if j is not None and (unlike[k, j] < 1.0 - ALIKE or known):
-            became.append((found.modes[j], -1 if turned[k, j] else 1))
-        else:
-            became.append((None, 1))
-    return became
+        whole = all(len(one.modes) < self.steady.count + SPARE for one in (*self.founds, found))
+        known = whole and len(found) == len(last)
+        # what is refused all the same takes no other mode its own
+        chosen = assigned(unlike if known else np.minimum(unlike, 1.0 - ALIKE))
+        became = list[_Became]()
+        for k, mode in enumerate(last):
+            j = chosen.get(k)
+            j = j if j is not None and (known or unlike[k, j] < 1.0 - ALIKE) else None
+            after = None if j is None else found.modes[j]
+            way = -1 if j is not None and turned[k, j] else 1
+            sure = j is not None and unlike[k, j] <= min(_SURE, unlike[k].min() + _SAME)
+            # what was lost before, does not swing or is one of several alike is not looked for in between
+            idle = self.tracks[k][-1] is None or mode.free or not mode.value.imag or _has_twin(mode, before)
+            idle = idle or (after is not None and _has_twin(after, found))
+            became.append(_Became(after, way, sure or idle or not (before.steady and found.steady)))
+        return became
+
+
+def _has_twin(mode: Mode, found: Modes) -> bool:
+    """Tell whether another mode has its eigenvalue, so that any mixture of both is one as well."""
+    apart = np.abs(np.array([one.value for one in found.modes]) - mode.value)
+    return int(np.count_nonzero(apart <= _SAME * abs(mode.value))) > 1
 
 
 def how_unlike(found: Modes, before: Sequence[Mode], after: Sequence[Mode]) -> tuple[Array, BoolArray]:
@@ -165,5 +255,5 @@ def mode_between(
     if not modes:
         return None
     unlike, turned = how_unlike(found, [first, last], modes)
-    j = int(np.argmin([high - rate, rate - low] @ unlike))  # squares of changes: what lies between them
+    j = int(np.argmin(np.abs([high - rate, rate - low]) @ unlike))  # squares of changes: what lies between
     return modes[j], bool(turned[0, j])
