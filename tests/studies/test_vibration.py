@@ -502,14 +502,20 @@ def test_the_command_writes_what_it_tells(tmp_path):
         assert np.linalg.svd(value**2 * M + value * C + K)[1][-1] < 1e-7 * np.abs(K).max()
 
 
-def test_curves_of_a_campbell_diagram_go_through_their_crossings(monkeypatch, tmp_path):
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_curves_of_a_campbell_diagram_go_through_their_crossings(sense, monkeypatch, tmp_path):
     from hfsim.output.plots import campbell as pictures
 
     drawn = {}
     monkeypatch.setattr(pictures, "save", lambda figures, folder: drawn.update(figures) or [])
-    found = hfsim.campbell(parse_deck(blade("linear", 1, 3000.0, 3)), np.linspace(0.0, 5.0, 3), count=2)
+    rates = sense * np.linspace(0.0, 5.0, 3)
+    found = hfsim.campbell(parse_deck(blade("linear", 1, 3000.0, 3)), np.sort(rates), count=2)
     pictures.draw_campbell(found, tmp_path)
-    curve = drawn["campbell"].axes[0].lines[0].get_xydata()
+    lines = drawn["campbell"].axes[0].lines
+    excited = [line.get_xydata() for line in lines if line.get_color() == pictures._LINES]
+    for one in (one for one in found.crossings if one.order):
+        assert np.interp(one.rate, *excited[one.order - 1].T) == pytest.approx(one.frequency)
+    curve = lines[0].get_xydata()
     crossings = [(one.rate, one.frequency) for one in found.crossings if one.track == 1]
     assert crossings and all((np.abs(curve - one).max(axis=1) == 0.0).any() for one in crossings)
     assert (np.diff(curve[:, 0]) >= 0.0).all()

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _UNSTABLE = "x"
+_LINES = "0.55"
+"""Colour of excitations."""
 _ALIKE = 1e-6
 """Relative difference of frequencies up to which one curve stands for several modes."""
 
@@ -33,6 +35,20 @@ def _together(result: Campbell) -> list[list[int]]:
         else:
             groups.append([number])
     return groups
+
+
+def _draw_excitations(axes: Axes, low: float, high: float, top: float) -> None:
+    """Draw frequencies of excitations over rates from low to high [rad/s], named below a top [Hz]."""
+    ends = np.array([low, np.clip(0.0, low, high), high])
+    fastest, side, inwards = (high, "right", -6) if high >= -low else (low, "left", 6)
+    for order in ORDERS:
+        axes.plot(ends, order * abs(ends) / (2.0 * np.pi), color=_LINES, linewidth=0.9, linestyle="--")
+        at = min(abs(fastest), 2.0 * np.pi * top / order)
+        axes.annotate(
+            f"{order} per rev.", (np.copysign(at, fastest), order * at / (2.0 * np.pi)), color="0.4",
+            fontsize=8, ha=side, va="bottom", xytext=(inwards, -16 if at < abs(fastest) else 2),
+            textcoords="offset points", bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
+        )  # fmt: skip
 
 
 def draw_campbell(result: Campbell, folder: Path) -> list[str]:
@@ -61,21 +77,13 @@ def draw_campbell(result: Campbell, folder: Path) -> list[str]:
         )
     low, high = float(rates.min()), float(rates.max())
     top *= 1.06
-    for order in ORDERS:
-        ends = np.array([low, high])
-        axes.plot(ends, order * ends / (2.0 * np.pi), color="0.55", linewidth=0.9, linestyle="--")
-        at = min(high, 2.0 * np.pi * top / order)
-        axes.annotate(
-            f"{order} per rev.", (at, order * at / (2.0 * np.pi)), color="0.4", fontsize=8, ha="right",
-            va="bottom", xytext=(-6, -16 if at < high else 2), textcoords="offset points",
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
-        )  # fmt: skip
+    _draw_excitations(axes, low, high, top)
     crossed = np.array([(one.rate, one.frequency) for one in result.crossings]).reshape(-1, 2)
     axes.plot(
         *crossed.T, "o", markerfacecolor="none", markeredgecolor="black", markersize=9,
         label="crossing" if len(crossed) else None,
     )  # fmt: skip
-    axes.set_xlim(low, high)
+    axes.set_xlim(low, high if high > low else low + 1.0)
     axes.set_ylim(0.0, top or 1.0)
     dress(axes, "rate [rad/s]", "frequency [Hz]")
     outside_legend(figure, [axes])
