@@ -176,6 +176,8 @@ class Problem:
     recharted : callable or None
         (q, v), shape (n,) each -> the same state in the coordinates to go on in, None if those are its own;
         None where all states have the same.
+    units : callable
+        () -> by what coordinates change at large, (n,): lengths by the size of bodies, others by one.
     recordings : Recordings
         What is replayed of the same equations.
     often : Often
@@ -206,6 +208,7 @@ class Problem:
     turns: Turns = field(default_factory=Turns)
     edges: Edges = field(default_factory=Edges)
     recharted: Callable[[Array, Array], tuple[Array, Array] | None] | None = None
+    units: Callable[[], Array | float] = lambda: 1.0
     counts: Counts = field(default_factory=Counts)
     recordings: Recordings = field(default_factory=Recordings)
     often: Often = field(default_factory=Often)
@@ -306,4 +309,4 @@ class Problem:
             return self.linearized(t, q, v)
         if self.slopes is not None:
             return self.slopes.linearized(t, q, v)
-        return by_differences(self.evaluate, t, q, v, self.dissipates)
+        return by_differences(self.evaluate, t, q, v, self.dissipates, self.units())

@@ -24,6 +24,7 @@ from hfsim.mechanics.strained import Strains
 from hfsim.mechanics.system import System
 from hfsim.parts.bodies.vector_beam import VectorBeam
 from hfsim.scene.build import Scene
+from hfsim.scene.gauging import units_of
 from hfsim.scene.rules import closes_loops
 from hfsim.scene.schema import SolveSpec
 
@@ -199,6 +200,7 @@ def problem_of(scene: Scene) -> Problem:
         breaks=system.breaks(scene.deck.solve.duration),
         period=partial(system.period, t_end=scene.deck.solve.duration),
         recordings=scene.recordings,
+        units=partial(_units, scene),
         recharted=partial(_recharted, system) if any(chart.several for chart in system.charts) else None,
     )
     through = Weakly(problem.through)
@@ -210,6 +212,10 @@ def problem_of(scene: Scene) -> Problem:
     if system.equations.constraints:
         problem.project = Projection(system, through)
     return problem
+
+
+def _units(scene: Scene) -> Array:
+    return scene.kept(("units",), lambda: units_of(scene)[scene.system.reduction.rows])
 
 
 def _slopes(scene: Scene) -> Slopes | None:

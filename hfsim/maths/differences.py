@@ -8,6 +8,8 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray, slices
 
+FINE = 3e-4
+"""Step, over what a coordinate changes by at large: lengths by the size of a body, others by one."""
 AT_ONCE = 500_000
 """Numbers of a batch."""
 

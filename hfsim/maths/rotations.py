@@ -173,6 +173,18 @@ def smallest_rotation(a: Array, b: Array) -> Array:
     return rotation(np.arctan2(sine, (b @ a)[..., None]) * about)
 
 
+def smallest_spins(a: Array, b: Array) -> Array:
+    """Return the matrices (..., 3, 3) from changes of unit vectors (..., 3) to turns of `smallest_rotation`.
+
+    Examples
+    --------
+    >>> (smallest_spins(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])) @ [0.0, 0.0, 1.0]).round(12)
+    array([ 1., -1.,  0.])
+    """
+    roll = cross(b, a) / (1.0 + b @ a)[..., None]
+    return skew(b) + b[..., :, None] * roll[..., None, :]
+
+
 def rotation_rates(turn: Array) -> Array:
     """Return the matrices T (..., 3, 3) from rates of rotation vectors to angular velocities, ground axes."""
     angle, K, K2 = _squares(turn)

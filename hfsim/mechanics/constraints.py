@@ -19,8 +19,7 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import wrap
-from hfsim.mechanics.force import difference
-from hfsim.mechanics.markers import Marker, joint_support
+from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.products import Product
 
 if TYPE_CHECKING:
@@ -209,18 +208,8 @@ class Constraint:
         raise NotImplementedError
 
     def stiffness(self, x: Array, multipliers: Array) -> Entries:
-        """Return the derivative of Phi_x^T lambda by x in one state, multipliers (1, rows).
-
-        By fine differences: with dampers along it, it is to cancel what rates make of turns.
-        """
-
-        def force(moved: Array) -> Array:
-            out = np.zeros_like(moved)
-            for marker, J in zip(self.ends, self.jacobians(moved), strict=True):
-                out[:, marker.columns] += (multipliers @ J)[:, 0]
-            return out
-
-        return difference(force, x, joint_support(*self.ends), fine=True)
+        """Return the derivative of Phi_x^T lambda by x in one state, multipliers (1, rows)."""
+        raise NotImplementedError
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return the force [N], (n_batch, n_dim), and moment [N m], (n_batch, n_spin), on the second body."""
@@ -382,6 +371,19 @@ class Along(Constraint):
         parts += 2.0 * turning * (b.velocity(x, u) - a.velocity(x, u))
         parts += a.square.axis_bias(x, u, own) * gap
         return np.asarray(np.sum(parts, axis=-1, keepdims=True))
+
+    def stiffness(self, x: Array, multipliers: Array) -> Entries:
+        """Return the multiplier times both derivatives, and times what bends axis and places."""
+        (a, b), own, pull = self.ends, np.array(self.direction), multipliers[0, 0]
+        axis, gap = (pull * one[0] for one in self._geometry(x))
+        swung = pull * a.of_support(a.square.axis_jacobian(x, own))
+        parts = [a.square.axis_stiffness(x, own, gap)]
+        for marker, sign in ((a, -1.0), (b, 1.0)):
+            block = sign * swung.T @ marker.of_support(marker.position_jacobian(x))
+            parts.append(Entries.of_block(a.support, marker.support, block))
+            parts.append(Entries.of_block(marker.support, a.support, block.T))
+            parts.append(marker.position_stiffness(x, sign * axis))
+        return Entries.joined(parts)
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return a force along the direction, minus the multiplier in size, acting at the second point."""

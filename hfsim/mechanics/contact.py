@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cached_property
 from typing import ClassVar
 
@@ -12,11 +12,12 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import dot, lever, turning
-from hfsim.mechanics.force import difference
 from hfsim.mechanics.friction import SLIDING
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.ties import Tie
 
+DIFFERENCE = 1e-7
+"""Step of one-sided differences, relative to coordinates larger than 1."""
 AT_REST = 1e-6
 """Speed, in velocities of friction, that is added to each at a right angle: at rest it has a direction."""
 FLAT = 1e-9
@@ -50,7 +51,6 @@ class ContactTie(Tie):
     told: ClassVar[str] = "what keeps a point, a ball or a wheel on one side of a plane"
     unit: ClassVar[str] = "m"
     holds_together: ClassVar[bool] = False
-    abrupt: ClassVar[bool] = True
 
     @property
     def rubs(self) -> bool:
@@ -105,7 +105,15 @@ class ContactTie(Tie):
                 out[:, marker.columns] += force[:, None] * row
             return out
 
-        return difference(pushed, x, self.support)
+        return self._difference(pushed, x)
+
+    def _difference(self, values: Callable[[Array], Array], x: Array) -> Entries:
+        """Return the derivative of forces (n_batch, n_x), linear in places, by x in one state: one-sided."""
+        columns = self.support
+        steps, moved = DIFFERENCE * np.maximum(1.0, np.abs(x[0, columns])), np.repeat(x, len(columns) + 1, 0)
+        moved[np.arange(len(columns)), columns] += steps
+        found = values(moved)[:, columns]
+        return Entries.of_block(columns, columns, ((found[:-1] - found[-1]) / steps[:, None]).T)
 
     # ------------------------------------------------------------------ friction
 
@@ -205,7 +213,7 @@ class ContactTie(Tie):
                 out[:, marker.columns] -= sign * (force[:, None] @ J)[:, 0]
             return out
 
-        return difference(resisted, x, self.support)
+        return self._difference(resisted, x)
 
     def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of all forces by u in one state."""

@@ -12,6 +12,7 @@ from typing import ClassVar, NamedTuple, TypeAlias
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.differences import FINE, fine_derivative
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import across, cross, dot, lever, smallest_rotation
@@ -280,7 +281,7 @@ class Perpendicular(OfAxes):
         """Return the multiplier times both derivatives, and times each axis and what bends the other."""
         (Ja, Jb), (first, second) = self._jacobians(x), self.ends
         rows, columns = first.support, second.support
-        Ja, Jb = (J[0][:, one.support - one.columns.start] for J, one in ((Ja, first), (Jb, second)))
+        Ja, Jb = first.of_support(Ja), second.of_support(Jb)
         block = multipliers[0, 0] * (Ja.T @ Jb)
         parts = [Entries.of_block(rows, columns, block), Entries.of_block(columns, rows, block.T)]
         a, b = (multipliers[0, 0] * axis[0] for axis in self._both(x))
@@ -305,31 +306,55 @@ class Tangential(OfAxes):
     rows: ClassVar[int] = 2
     """One for each direction across."""
 
-    def _frame(self, x: Array) -> tuple[Array, Array, Array]:
+    def _tangents(self, x: Array) -> tuple[Array, Array]:
+        return self.first.axis(x, np.array(TANGENT)), self.second.axis(x, np.array(TANGENT))
+
+    def _frame(self, t: Array) -> tuple[Array, Array, Array]:
         """Return the length of the first tangent (n_batch, 1), its direction, both axes across it as rows."""
-        t = self.first.axis(x, np.array(TANGENT))
         size = np.linalg.norm(t, axis=-1, keepdims=True)
         return size, t / size, smallest_rotation(np.array(TANGENT), t / size)[:, :, 1:].swapaxes(1, 2)
 
     def gap(self, x: Array) -> Array:
         """Return the products of the second tangent with the axes across the first."""
-        return np.asarray((self._frame(x)[2] @ self.second.axis(x, np.array(TANGENT))[..., None])[..., 0])
+        first, second = self._tangents(x)
+        return np.asarray((self._frame(first)[2] @ second[..., None])[..., 0])
 
     def jacobian(self, end: int, x: Array) -> Array:
         """Return f for the second tangent, and - f times the ratio of the lengths for the first."""
-        size, e, across_it = self._frame(x)
-        if end:
-            return np.asarray(across_it @ self.second.axis_jacobian(x, np.array(TANGENT)))
-        ratio = np.sum(e * self.second.axis(x, np.array(TANGENT)), axis=-1, keepdims=True) / size
-        return np.asarray(-ratio[..., None] * across_it @ self.first.axis_jacobian(x, np.array(TANGENT)))
+        by_tangent = self._by_tangents(*self._tangents(x))[end]
+        return np.asarray(by_tangent @ self.ends[end].axis_jacobian(x, np.array(TANGENT)))
+
+    def _by_tangents(self, first: Array, second: Array) -> tuple[Array, Array]:
+        """Return both factors, (n_batch, 2, 3)."""
+        size, e, across_it = self._frame(first)
+        ratio = np.sum(e * second, axis=-1, keepdims=True) / size
+        return -ratio[..., None] * across_it, across_it
+
+    def stiffness(self, x: Array, multipliers: Array) -> Entries:
+        """Return what bends the tangents, and how they change the factors, by differences of tangents."""
+
+        def pull(moved: Array) -> Array:
+            factors = np.concatenate(self._by_tangents(moved[:, :3], moved[:, 3:]), axis=2)
+            return np.asarray((multipliers @ factors)[:, 0])
+
+        at, own = np.concatenate(self._tangents(x), axis=1), np.array(TANGENT)
+        rows = [marker.of_support(marker.axis_jacobian(x, own)) for marker in self.ends]
+        slopes = fine_derivative(pull, at[0], np.arange(6), np.full(6, FINE)).reshape(2, 3, 2, 3)
+        pulls = zip(self.ends, np.split(pull(at)[0], 2), strict=True)
+        parts = [marker.axis_stiffness(x, own, force) for marker, force in pulls]
+        for i, first in enumerate(self.ends):
+            for j, second in enumerate(self.ends):
+                block = rows[i].T @ slopes[i, :, j] @ rows[j]
+                parts.append(Entries.of_block(first.support, second.support, block))
+        return Entries.joined(parts)
 
     def bias(self, x: Array, u: Array) -> Array:
         """Return 2 (f . e') (r l' / l - r') with the lengths l and r of both tangents."""
-        (size, e, across_it), own = self._frame(x), np.array(TANGENT)
+        (tangent, other), own = self._tangents(x), np.array(TANGENT)
+        size, e, across_it = self._frame(tangent)
         first, second = (
             (marker.axis_jacobian(x, own) @ u[:, marker.columns, None])[..., 0] for marker in self.ends
         )
-        other = self.second.axis(x, own)
         growth = np.sum(e * other, axis=-1) * np.sum(e * first, axis=-1) / size[:, 0] - np.sum(
             e * second, axis=-1
         )
@@ -338,5 +363,6 @@ class Tangential(OfAxes):
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return a moment across the tangents."""
-        force = -(multipliers[:, None] @ self._frame(x)[2])[:, 0]
-        return np.zeros((len(x), 3)), lever(self.second.axis(x, np.array(TANGENT)), force)
+        first, second = self._tangents(x)
+        force = -(multipliers[:, None] @ self._frame(first)[2])[:, 0]
+        return np.zeros((len(x), 3)), lever(second, force)

@@ -90,29 +90,22 @@ class Drag(ForcePart):
         for marker, own in self.slopes(t, x, u):
             parts.append(marker.position_stiffness(x, own.resistance))
             if own.by_turn is not None:
-                parts.append(_on_place(marker, x, own.by_turn))
+                parts.append(marker.on_place(x, own.by_turn))
             if not marker.linear:
-                parts.append(_on_place(marker, x, own.by_velocity @ _velocity_by_place(marker, x, u)))
+                parts.append(marker.on_place(x, own.by_velocity @ _velocity_by_place(marker, x, u)))
         return Entries.joined(parts)
 
     def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of the forces by u in one state."""
         every = self.slopes(t, x, u)
         return Entries.joined(
-            _on_place(marker, x, own.by_velocity @ marker.position_jacobian(x)[0]) for marker, own in every
+            marker.on_place(x, own.by_velocity @ marker.position_jacobian(x)[0]) for marker, own in every
         )
 
     def power(self, t: Array, x: Array, u: Array) -> Array:
         """Return what they put into the body [W]."""
         each = (np.sum(force * u[:, one.columns], axis=-1) for one, force in self.on_points(t, x, u))
         return np.asarray(sum(each, np.zeros(len(x))))
-
-
-def _on_place(marker: Marker, x: Array, change: Array) -> Entries:
-    """Return what a change of resistance (n_dim, n_columns) makes on the coordinates of its place."""
-    own = marker.support - marker.columns.start
-    J = marker.position_jacobian(x)[0][:, own]
-    return Entries.of_block(marker.support, marker.support, J.T @ change[:, own])
 
 
 def _velocity_by_place(marker: Marker, x: Array, u: Array) -> Array:

@@ -165,6 +165,10 @@ class Equations:
             M[:, body.columns, body.columns] = body.mass(x)
         return M
 
+    def mass_at(self, x: Array) -> Matrix:
+        """Return the mass matrix in one state, sparse where matrices are, shape (n_x, n_x)."""
+        return self.mass(x)[0] if self.variable_mass else self.constant_mass
+
     def momentum(self, x: Array, u: Array) -> Array:
         """Return M_g u, shape (n_batch, n_x); one state may serve all rates."""
         p = np.asarray(u @ self.constant_mass)

@@ -17,7 +17,7 @@ import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.maths.differences import fine_derivative
+from hfsim.maths.differences import FINE, fine_derivative
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.mechanics.markers import Marker
@@ -27,35 +27,24 @@ if TYPE_CHECKING:
     from hfsim.deck.laws import Law
     from hfsim.mechanics.once import Event
 
-DIFFERENCE = 1e-7
-"""Step of one-sided difference quotients, relative to coordinates larger than 1."""
-FINE = 3e-4
-"""The same of those of fourth order, which are exact for forces of degree four."""
+def difference(values: Callable[[Array], Array], at: Array, columns: IntArray, units: Array) -> Entries:
+    """Return the derivative of some entries of a vector by the same entries of its argument.
 
-
-def difference(values: Callable[[Array], Array], at: Array, columns: IntArray, fine: bool = False) -> Entries:
-    """Return the derivative of some entries of a vector by the same entries of its argument, by differences.
+    By differences of fourth order, which are exact for forces of degree four.
 
     Parameters
     ----------
     values : callable
         (n_batch, n) -> (n_batch, n).
     at : ndarray, shape (1, n)
-    columns : ndarray of int
+    columns : ndarray of int, shape (k,)
         The entries.
-    fine : bool
-        Whether differences are of fourth order, whose steps are longer than small elements: for stiff forces
-        that are a polynomial of places, of which one-sided ones lose what holds a body softly.
+    units : ndarray, shape (k,)
+        By what these change at large, where they are not larger.
     """
-    sizes, count = np.maximum(1.0, np.abs(at[0, columns])), len(columns)
-    if fine and count:
-        slopes = fine_derivative(lambda moved: values(moved)[:, columns], at[0], columns, FINE * sizes)
-        return Entries.of_block(columns, columns, slopes)
-    step = DIFFERENCE * sizes
-    moved = np.repeat(at, count + 1, axis=0)
-    moved[np.arange(count), columns] += step
-    found = values(moved)[:, columns]
-    return Entries.of_block(columns, columns, ((found[:-1] - found[-1]) / step[:, None]).T)
+    steps = FINE * np.maximum(units, np.abs(at[0, columns]))
+    slopes = fine_derivative(lambda moved: values(moved)[:, columns], at[0], columns, steps)
+    return Entries.of_block(columns, columns, slopes)
 
 
 @frozen
@@ -77,12 +66,6 @@ class ForcePart:
     """What it is, in the words of plans."""
     why: ClassVar[str] = "it acts"
     """Why it is there where it is not idle, in the words of plans."""
-
-    stiff: ClassVar[bool] = True
-    """Whether it may be large beside what holds bodies: its derivative is taken by fine differences then."""
-
-    abrupt: ClassVar[bool] = False
-    """Whether it may change within the steps of differences: it has a derivative without these."""
 
     of_strain_rates: ClassVar[bool] = False
     """Whether it resists rates of strains alone.  Its derivative by x is then that of axes which turn with
@@ -191,6 +174,11 @@ class ForcePart:
         raise NotImplementedError
 
     @property
+    def units(self) -> Array:
+        """By what these change at large in differences, (n_support,): one where no size is known."""
+        return np.ones(len(self.support))
+
+    @property
     def strain_stiffness(self) -> Array:
         """What strains are multiplied by, (n_strains,), where the force is a stiffness times strains.
 
@@ -233,13 +221,13 @@ class ForcePart:
 
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of the force by x in one state, (1,) and (1, n); by differences."""
-        return difference(lambda moved: self._resistance(t, moved, u), x, self.support, self.stiff)
+        return difference(lambda moved: self._resistance(t, moved, u), x, self.support, self.units)
 
     def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of the force by u in one state."""
         if not self.uses_rates:
             return NOTHING
-        return difference(lambda moved: self._resistance(t, x, moved), u, self.support, self.stiff)
+        return difference(lambda moved: self._resistance(t, x, moved), u, self.support, self.units)
 
     def _resistance(self, t: Array, x: Array, u: Array) -> Array:
         """Return minus the force, with one state of x or u repeated for a batch of the other."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
+from hfsim.maths.matrices import Entries
 from hfsim.mechanics.constraints import Along, Constraint, RelativeAngle
 from hfsim.mechanics.markers import Marker
 
@@ -75,6 +76,10 @@ class Geared(Constraint):
     def bias(self, x: Array, u: Array) -> Array:
         """Return the same of the biases."""
         return np.asarray(sum(factor * part.bias(x, u) for factor, part in self._parts))
+
+    def stiffness(self, x: Array, multipliers: Array) -> Entries:
+        """Return the same of what bends these."""
+        return Entries.joined(part.stiffness(x, factor * multipliers) for factor, part in self._parts)
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return what acts on the second body; the first and the third bear the rest."""

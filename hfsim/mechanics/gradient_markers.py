@@ -103,6 +103,10 @@ class GradientMarker(VectorMarker):
         slope = self._slope(a)
         return None if slope is None else self._linear(slope)
 
+    def turned_jacobian(self, x: Array, a: Array) -> Array:
+        """Return that of `frame`, by how it turns."""
+        return Marker.turned_jacobian(self, x, a)
+
     def axis_jacobian(self, x: Array, a: Array) -> Array:
         """Return the derivative of `axis` by the coordinates, shape (n_batch or 1, 3, n_columns)."""
         slope = self._slope(a)
@@ -113,8 +117,8 @@ class GradientMarker(VectorMarker):
         return np.zeros((len(x), 3)) if self._slope(a) is not None else Marker.axis_bias(self, x, u, a)
 
     def axis_stiffness(self, x: Array, a: Array, force: Array) -> Entries:
-        """Return the second derivative of force . axis in one state, by differences."""
-        return NOTHING if self._slope(a) is not None else self.square.axis_stiffness(x, a, force)
+        """Return the second derivative of force . axis in one state: nothing of the first vector."""
+        return NOTHING if self._slope(a) is not None else Marker.axis_stiffness(self, x, a, force)
 
     @cached_property
     def square(self) -> SquareMarker:

@@ -10,11 +10,11 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import NOTHING, Entries
+from hfsim.maths.matrices import Entries
 from hfsim.maths.shapes import gauss_legendre, shares_beyond
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import LinearMarker, Marker, joint_support
-from hfsim.mechanics.point_loads import Load
+from hfsim.mechanics.point_loads import Load, force_slopes
 
 if TYPE_CHECKING:
     from hfsim.deck.laws import Law
@@ -114,6 +114,8 @@ class LineForce(LineLoad, Load):
         pairs = zip(self.places, self.forces, strict=True)
         return [marker.turned(x, force) if self.follower else force[None] for marker, force in pairs]
 
-    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
-        """Return minus its derivative, by differences; nothing where it does not change."""
-        return NOTHING if self._constant is not None else super().tangent(t, x, u)
+    def slopes(self, x: Array) -> Iterator[Entries]:
+        """Yield those of the force at each place; nothing where it does not change."""
+        if self._constant is None:
+            for marker, force in zip(self.places, self.forces, strict=True):
+                yield from force_slopes(marker, x, force, self.follower)

@@ -17,7 +17,7 @@ from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Matrix, dense, factorised, is_sparse, saddle_point
 
 _STEP = 1e-7
-"""Step of differences, relative for values above 1: half the digits remain."""
+"""Step of differences, over what values change by at large: half the digits remain."""
 AT_ONCE = 32
 """States that are evaluated together: more of them fall out of the cache."""
 
@@ -145,7 +145,12 @@ def rows_of(metric: Array) -> Array:
 
 
 def by_differences(
-    acceleration: Callable[[Array, Array, Array], Array], t: float, q: Array, v: Array, dissipates: bool
+    acceleration: Callable[[Array, Array, Array], Array],
+    t: float,
+    q: Array,
+    v: Array,
+    dissipates: bool,
+    units: Array | float = 1.0,
 ) -> Linearized:
     """Linearise accelerations at a state by forward differences, from one call for all columns.
 
@@ -156,10 +161,13 @@ def by_differences(
     q, v : ndarray, shape (n,)
     dissipates : bool
         Whether to take differences by v too: gyroscopic terms alone never make a problem stiff.
+    units : ndarray, shape (n,), or float
+        By what coordinates change at large.
     """
     n = len(q)
     moved = np.repeat(np.concatenate([q, v])[None], (2 if dissipates else 1) * n + 1, axis=0)
-    steps = _STEP * np.maximum(1.0, np.abs(moved[-1, : len(moved) - 1]))
+    least = np.tile(np.broadcast_to(units, n), 2)[: len(moved) - 1]
+    steps = _STEP * np.maximum(least, np.abs(moved[-1, : len(moved) - 1]))
     moved[np.arange(len(steps)), np.arange(len(steps))] += steps
     Q, V = np.ascontiguousarray(moved[:, :n]), np.ascontiguousarray(moved[:, n:])
     a = _in_parts(acceleration, t, Q, V)

@@ -10,19 +10,21 @@ from __future__ import annotations
 
 from dataclasses import field
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, BoolArray, IntArray, distinct
+from hfsim.maths.arrays import Array, BoolArray, ComplexArray, IntArray, distinct
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
-from hfsim.maths.rotations import rotate, spun, turning
+from hfsim.maths.rotations import lever, rotate, spun, turning
 from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.products import LinearVector
 
 if TYPE_CHECKING:
     from hfsim.mechanics.crossed import CrossedVector
+
+_Matrix = TypeVar("_Matrix", Array, ComplexArray)
 
 
 class Marker:
@@ -108,6 +110,10 @@ class Marker:
         """Return vectors (n_dim,), given in its axes, in ground axes, shape (n_batch, n_dim)."""
         return rotate(self.angle(x), a)
 
+    def turned_jacobian(self, x: Array, a: Array) -> Array:
+        """Return the derivative of `turned` by the coordinates, shape (n_batch, n_dim, n_columns)."""
+        return turning(self.turned(x, a)) @ self.spin_jacobian(x)
+
     def frame(self, x: Array) -> Array:
         """Return its axes, of unit length and at right angles, as columns, shape (n_batch, n_dim, n_dim)."""
         return np.stack([self.turned(x, axis) for axis in np.eye(self.n_dim)], axis=-1)
@@ -164,8 +170,10 @@ class Marker:
         return self
 
     def axis_stiffness(self, x: Array, a: Array, force: Array) -> Entries:
-        """Return force . d2(axis)/dx2 in one state for a vector (n_dim,): nothing if axes are linear."""
-        return NOTHING
+        """Return force . d2(axis)/dx2 in one state for a vector (n_dim,), of an axis that turns."""
+        moment = lever(self.turned(x, a), force[None])[0]
+        change = lever(self.turned_jacobian(x, a)[0].T, force).T
+        return Entries.joined([self.spin_stiffness(x, moment), self.on_turn(x, change)])
 
     def spin_jacobian(self, x: Array) -> Array:
         """Return the derivative of its turn by the coordinates, shape (n_batch or 1, n_spin, n_columns)."""
@@ -178,6 +186,23 @@ class Marker:
     def spin_stiffness(self, x: Array, moment: Array) -> Entries:
         """Return the derivative of moment . spin Jacobian by x in one state, for a moment (n_spin,)."""
         return NOTHING
+
+    def on_place(self, x: Array, change: Array) -> Entries:
+        """Return what changes of a force on the point, (n_dim, n_columns), make in one state."""
+        return self._onto(self.position_jacobian(x), change)
+
+    def on_turn(self, x: Array, change: Array) -> Entries:
+        """Return what changes of a moment, (n_spin, n_columns), make in one state."""
+        return self._onto(self.spin_jacobian(x), change)
+
+    def _onto(self, J: Array, change: Array) -> Entries:
+        block = self.of_support(J).T @ self.of_support(change[None])
+        return Entries.of_block(self.support, self.support, block)
+
+    def of_support(self, J: _Matrix) -> _Matrix:
+        """Return the columns of what it depends on, (k, n_support), of a Jacobian (1, k, n_columns)."""
+        kept: _Matrix = J[0][:, self.support - self.columns.start]
+        return kept
 
     def velocity(self, x: Array, u: Array) -> Array:
         """Return the velocity [m/s], shape (n_batch, n_dim)."""

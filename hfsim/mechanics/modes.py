@@ -144,33 +144,37 @@ def modes_at_rest(system: System, t: float, q: Array) -> Modes:
     return Modes(-Z @ K @ Z.T, -Z @ D @ Z.T, basis.T)
 
 
-def modes_by_differences(system: System, t: float, q: Array, v: Array) -> Modes:
-    """Return the modes with the inertia of the motion, by fourth-order differences on the joints."""
-    Z = _allowed(system, t, q, v)
+def modes_by_differences(system: System, t: float, q: Array, v: Array, units: Array | float = 1.0) -> Modes:
+    """Return the modes with the inertia of the motion, by fourth-order differences on the joints.
+
+    Of coordinates that change by units (n,) at large, over these.
+    """
+    Z = _allowed(system, t, q, v, units)
     n = Z.shape[1]
     steps = _DIFFERENCE * np.concatenate([k * np.eye(n) for k in (-2, -1, 1, 2)])
     nothing = np.zeros_like(steps)
     moved = np.concatenate([np.hstack([steps, nothing]), np.hstack([nothing, steps])])
     y, w = moved[:, :n], moved[:, n:]
     times = np.full(len(moved), t)
-    Q, V = system.project(times, q + y @ Z.T, v + w @ Z.T)
-    values = system.acceleration(times, Q, V) @ Z
+    Q, V = system.project(times, q + y @ Z.T * units, v + w @ Z.T * units)
+    values = system.acceleration(times, Q, V) / units @ Z
     # where projection has moved the coordinates a little, the chain rule brings them back
-    reached = np.hstack([(Q - q) @ Z, (V - v) @ Z])
+    reached = np.hstack([(Q - q) / units @ Z, (V - v) / units @ Z])
     sloped = slopes(values.reshape(2, 4, n, n).swapaxes(0, 1)) / _DIFFERENCE
     turned = slopes(reached.reshape(2, 4, n, 2 * n).swapaxes(0, 1)) / _DIFFERENCE
     J = np.linalg.solve(np.concatenate(turned), np.concatenate(sloped)).T
-    return Modes(J[:, :n], J[:, n:], Z, _EPS / _DIFFERENCE)
+    return Modes(J[:, :n], J[:, n:], (Z.T * units).T, _EPS / _DIFFERENCE)
 
 
-def _allowed(system: System, t: float, q: Array, v: Array) -> Array:
-    """Return an orthonormal basis of the changes of q that the joints allow, shape (n, n_free)."""
+def _allowed(system: System, t: float, q: Array, v: Array, units: Array | float) -> Array:
+    """Return an orthonormal basis of the changes of q / units that the joints allow, shape (n, n_free)."""
     if not system.constraints:
         return np.eye(system.n)
     # projected velocities are what the joints allow; the rates of drivers drop out in differences
     n = system.n
     at, times = np.repeat(q[None], n + 1, axis=0), np.full(n + 1, t)
-    rates = v + np.vstack([np.eye(n), np.zeros((1, n))]) * max(1.0, float(np.abs(v).max(initial=0.0)))
+    fastest = max(1.0, float(np.abs(v / units).max(initial=0.0)))
+    rates = v + np.vstack([np.eye(n), np.zeros((1, n))]) * units * fastest
     moved = system.project(times, at, rates)[1]
-    left, _, _ = np.linalg.svd((moved[:-1] - moved[-1]).T)
+    left, _, _ = np.linalg.svd(((moved[:-1] - moved[-1]) / units).T)
     return np.asarray(left[:, : n - system.n_rows])

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
+from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.ties import PointPart
@@ -29,7 +31,6 @@ class Load(ForcePart):
 
     law: Law | None
     exchanges_power: ClassVar[bool] = True
-    stiff: ClassVar[bool] = False
 
     @property
     def columns(self) -> slice:
@@ -48,6 +49,16 @@ class Load(ForcePart):
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add the generalised force."""
         out[:, self.columns] += self.generalised(t, x)
+
+    def slopes(self, x: Array) -> Iterator[Entries]:
+        """Yield what adds up to the derivative of the generalised force without its law in one state."""
+        raise NotImplementedError
+
+    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus the derivative of the force by x in one state."""
+        factor = -1.0 if self.law is None else -self.law.value(t)
+        whole = Entries.joined([NOTHING, *self.slopes(x)])
+        return whole._replace(values=factor * whole.values)
 
     def power(self, t: Array, x: Array, u: Array) -> Array:
         """Return the generalised force times the rates."""
@@ -98,6 +109,17 @@ class PointForce(PointLoad):
         turned = self.marker.turned(x, force) if self.follower else force[None]
         return turned, self.marker.position_jacobian(x)
 
+    def slopes(self, x: Array) -> Iterator[Entries]:
+        """Yield what bends the place, and what turns the force."""
+        return force_slopes(self.marker, x, np.array(self.force), self.follower)
+
+
+def force_slopes(marker: Marker, x: Array, force: Array, follower: bool) -> Iterator[Entries]:
+    """Yield what the derivative of a force on a point, (n_dim,) in its axes if it follows, consists of."""
+    yield marker.position_stiffness(x, marker.turned(x, force)[0] if follower else force)
+    if follower:
+        yield marker.on_place(x, marker.turned_jacobian(x, force)[0])
+
 
 @frozen
 class PointMoment(PointLoad):
@@ -113,3 +135,10 @@ class PointMoment(PointLoad):
         moment = np.array(self.moment)
         turned = self.marker.turned(x, moment) if self.follower else moment[None]
         return turned, self.marker.spin_jacobian(x)
+
+    def slopes(self, x: Array) -> Iterator[Entries]:
+        """Yield what bends the turn, and what turns the moment."""
+        moment, turned = np.array(self.moment), self.unscaled(x)[0][0]
+        yield self.marker.spin_stiffness(x, turned)
+        if self.follower:
+            yield self.marker.on_turn(x, self.marker.turned_jacobian(x, moment)[0])

@@ -100,6 +100,10 @@ class SectionMarker(VectorMarker):
         J = self.axis_rows.T @ blocks.swapaxes(1, 2)
         return np.asarray(J.reshape(len(J), 3, -1))
 
+    def turned_jacobian(self, x: Array, a: Array) -> Array:
+        """Return that of `frame`, by how it turns."""
+        return Marker.turned_jacobian(self, x, a)
+
     def axis_jacobian(self, x: Array, a: Array) -> Array:
         """Return the derivative of `axis` by the coordinates, shape (n_batch, 3, n_columns)."""
         return self._by_vectors(self._slopes(x, a))

@@ -9,28 +9,20 @@ with K and D the derivatives by x and u of M(x) a0 - F(t, x, u) + Phi_x^T lambda
 steady rotation the coefficients are constant in time, and these are the equations of all small motions.
 About another state they are those of the moment, and depend on the coordinates they are written in.
 
-Where the mass matrix is constant the derivatives are those of the parts, dense or sparse; elsewhere they come
-from differences of fourth order.
+The derivatives are those of the parts, dense or sparse; of bodies whose mass matrix changes they come from
+differences of fourth order.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-
 import numpy as np
 
 from hfsim.maths.arrays import Array, random_signs
-from hfsim.maths.differences import fine_derivative
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import Matrix, assemble, is_sparse
+from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
 from hfsim.maths.pencils import Pencil
 from hfsim.mechanics.system import System
 from hfsim.mechanics.turning import Turning
-
-STEP = 3e-4
-"""Step of the differences, relative to the largest coordinate up to one: exact for forces of degree four."""
-
 
 _EXACT = float(np.finfo(float).eps)
 BY_DIFFERENCES = 1e-11
@@ -120,11 +112,10 @@ def small_motions(
     rounding = 0.0 * abs(reduction.reduced(K))
     for one, own in zip(beside, others, strict=True):
         rounding = rounding + abs(reduction.reduced(stiffness(system, time, one[None], u, a, own[None]) - K))
-    if not system.variable_mass:
-        rounding = rounding + rounding_of_joints(system, x, multipliers)
+    rounding = rounding + rounding_of_joints(system, x, multipliers)
     D = resistance(system, time, x, u)
     damped = bool(abs(D).sum() > 0.0)
-    M = equations.mass(x)[0] if system.variable_mass else equations.constant_mass
+    M = equations.mass_at(x)
     if turning is not None:
         W = turning.matrix
         MW = M @ W
@@ -146,29 +137,18 @@ def stiffness(system: System, t: Array, x: Array, u: Array, a: Array, multiplier
     multipliers : ndarray, shape (1, n_rows)
     """
     equations = system.equations
-    if not system.variable_mass:
-        # what is stiff is exact as stiffness times strains, where differences leave a trace of it
-        own = [(part.in_strains().tangent(t, x, u), part.exchanges_power) for part in system.forces]
-        parts = [entries for entries, following in own if following]
-        even = [entries for entries, following in own if not following]
-        if not equations.phi.constant:
-            even += equations.phi.stiffness(x, multipliers)
-        shape, sparse = (system.n_x, system.n_x), is_sparse(equations.constant_mass)
-        # what has a potential has a symmetric derivative, but for rounding
-        conserving = assemble(even, shape, sparse)
-        return assemble(parts, shape, sparse) + 0.5 * (conserving + conserving.T)
-
-    abrupt = [part.tangent(t, x, u) for part in system.forces if part.abrupt]
-    others = replace(system, forces=tuple(part for part in system.forces if not part.abrupt))
-
-    def missing(moved: Array) -> Array:
-        times, (rates, lasting) = np.repeat(t, len(moved)), (np.repeat(one, len(moved), 0) for one in (u, a))
-        out = equations.momentum(moved, lasting) - others.force(times, moved, rates)
-        if equations.constraints:
-            out += (multipliers @ equations.phi.jacobians(moved))[:, 0]
-        return out
-
-    return derivative(missing, x[0]) + assemble(abrupt, (system.n_x, system.n_x), sparse=False)
+    # what is stiff is exact as stiffness times strains, where differences leave a trace of it
+    parts, even = list[Entries](), list[Entries]()
+    for part in system.forces:
+        following = part.uses_rates or part.exchanges_power
+        (parts if following else even).append(part.in_strains().tangent(t, x, u))
+    parts += [body.inertia_slopes(x, a) for body in equations.variable_mass]
+    if not equations.phi.constant:
+        even += equations.phi.stiffness(x, multipliers)
+    shape, sparse = (system.n_x, system.n_x), is_sparse(equations.constant_mass)
+    # what has a potential has a symmetric derivative, but for rounding
+    conserving = assemble(even, shape, sparse)
+    return assemble(parts, shape, sparse) + 0.5 * (conserving + conserving.T)
 
 
 def rounding_of_joints(system: System, x: Array, multipliers: Array) -> Matrix:
@@ -187,12 +167,3 @@ def resistance(system: System, t: Array, x: Array, u: Array) -> Matrix:
     """Return minus the derivative of the forces by the rates in one state, (n_x, n_x)."""
     parts = [part.rate_tangent(t, x, u) for part in system.forces if part.uses_rates]
     return assemble(parts, (system.n_x, system.n_x), is_sparse(system.equations.constant_mass))
-
-
-def derivative(function: Callable[[Array], Array], at: Array) -> Array:
-    """Return the derivative of a function (n_batch, n) -> (n_batch, m) at a point (n,), (m, n).
-
-    By differences of fourth order.
-    """
-    step = STEP * min(1.0, float(np.abs(at).max(initial=0.0)) or 1.0)
-    return fine_derivative(function, at, np.arange(len(at)), np.full(len(at), step))

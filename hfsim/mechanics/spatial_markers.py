@@ -5,17 +5,26 @@ Axes of a body are vectors among its coordinates: every direction that joints ho
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import ClassVar
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, IntArray
+from hfsim.maths.differences import FINE, fine_derivative
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import Entries
-from hfsim.maths.rotations import FIRST, lever, rotation, rotation_rates, skew, smallest_rotation
-from hfsim.mechanics.force import difference
+from hfsim.maths.matrices import NOTHING, Entries
+from hfsim.maths.rotations import (
+    FIRST,
+    lever,
+    rotation,
+    rotation_rates,
+    skew,
+    smallest_rotation,
+    smallest_spins,
+    turning,
+)
 from hfsim.mechanics.markers import ROUNDING, LinearMarker, Marker
 from hfsim.mechanics.products import LinearVector
 
@@ -63,6 +72,10 @@ class VectorMarker(LinearMarker):
         """Return vectors (3,), given in its axes, in ground axes."""
         return np.asarray(self.frame(x) @ a)
 
+    def turned_jacobian(self, x: Array, a: Array) -> Array:
+        """Return the derivative of `turned` by the coordinates, shape (n_batch or 1, 3, n_columns)."""
+        return along_line(self, x, a) if self.n_axes == 1 else self.axis_jacobian(x, a)
+
     def axis(self, x: Array, a: Array) -> Array:
         """Return combinations of its own axes."""
         return np.asarray(np.asarray(a)[: self.n_axes] @ self.axes(x))
@@ -93,6 +106,10 @@ class VectorMarker(LinearMarker):
         """Return zero: axes are linear in the coordinates."""
         return np.zeros((len(x), 3))
 
+    def axis_stiffness(self, x: Array, a: Array, force: Array) -> Entries:
+        """Return nothing, likewise."""
+        return NOTHING
+
     def spin_jacobian(self, x: Array) -> Array:
         """Return the matrix of half the sum of d x d' over its axes, or of t x t' / |t|^2 on a line."""
         axes = self.axes(x)
@@ -109,8 +126,30 @@ class VectorMarker(LinearMarker):
         return np.asarray(-2.0 * np.sum(t * rate, axis=-1, keepdims=True) / square**2 * lever(t, rate))
 
     def spin_stiffness(self, x: Array, moment: Array) -> Entries:
-        """Return the derivative of moment . spin Jacobian, by differences."""
-        return bent(self, x, lambda moved: moment @ self.spin_jacobian(moved))
+        """Return the derivative of moment . spin Jacobian by x in one state, for a moment (3,).
+
+        By differences of the vectors that its axes consist of: these are slopes, of bodies of any size.
+        """
+        count, vectors = len(self.axis_rows), np.flatnonzero(self._involved)
+        columns = slice(0, 3 * count)
+        alone = replace(self, columns=columns, place_row=np.zeros(count), axis_rows=np.eye(count))
+        axes, every = self._combined(x, self.axis_rows).reshape(-1), np.arange(3 * count)
+
+        def pull(moved: Array) -> Array:
+            return np.asarray(moment @ alone.spin_jacobian(moved))
+
+        slopes = fine_derivative(pull, axes, every, np.full(3 * count, FINE))
+        rows = np.kron(self.axis_rows[:, vectors], np.eye(3))
+        return Entries.of_block(self.support, self.support, rows.T @ slopes @ rows)
+
+
+def along_line(line: Marker, x: Array, a: Array) -> Array:
+    """Return the derivative of `Marker.turned` of a point with one axis, by the smallest rotation to it."""
+    t = line.axis(x, FIRST)
+    size = np.linalg.norm(t, axis=-1, keepdims=True)
+    e, change = t / size, line.axis_jacobian(x, FIRST) / size[..., None]
+    swung = change - e[:, :, None] * (e[:, None] @ change)
+    return np.asarray(turning(line.turned(x, a)) @ smallest_spins(FIRST, e) @ swung)
 
 
 @frozen
@@ -150,20 +189,13 @@ class SquareMarker(Marker):
         """Return that of the frame."""
         return self.point.spin_bias(x, u)
 
-    def axis_stiffness(self, x: Array, a: Array, force: Array) -> Entries:
-        """Return the second derivative of force . axis in one state, by differences."""
-        return bent(self, x, lambda moved: force @ self.axis_jacobian(moved, a))
+    def spin_stiffness(self, x: Array, moment: Array) -> Entries:
+        """Return that of the frame."""
+        return self.point.spin_stiffness(x, moment)
 
-
-def bent(marker: Marker, x: Array, pulled: Callable[[Array], Array]) -> Entries:
-    """Return the derivative of a force on the body of a marker, (n_batch, n_columns), by differences."""
-
-    def whole(moved: Array) -> Array:
-        out = np.zeros_like(moved)
-        out[:, marker.columns] = pulled(moved).reshape(len(moved), -1)
-        return out
-
-    return difference(whole, x, marker.support, fine=True)
+    def turned_jacobian(self, x: Array, a: Array) -> Array:
+        """Return that of the point."""
+        return self.point.turned_jacobian(x, a)
 
 
 @frozen

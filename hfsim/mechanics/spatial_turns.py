@@ -129,6 +129,16 @@ class SpinAbout(OfAxes):
         row = self.first.turned(x, np.array(self.axis))[:, None] @ self.ends[end].spin_jacobian(x)
         return np.asarray(row if end else -row)
 
+    def stiffness(self, x: Array, multipliers: Array) -> Entries:
+        """Return the multiplier times what bends the turns of both ends, and what turns the axis."""
+        (a, b), own, pull = self.ends, np.array(self.axis), multipliers[0, 0]
+        moment, turning = pull * a.turned(x, own)[0], pull * a.of_support(a.turned_jacobian(x, own))
+        parts = [b.spin_stiffness(x, moment), a.spin_stiffness(x, -moment)]
+        for marker, sign in ((a, -1.0), (b, 1.0)):
+            block = sign * marker.of_support(marker.spin_jacobian(x)).T @ turning
+            parts.append(Entries.of_block(marker.support, a.support, block))
+        return Entries.joined(parts)
+
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return minus the multiplier as a moment about the axis."""
         return np.zeros((len(x), 3)), -multipliers * self.first.turned(x, np.array(self.axis))
@@ -219,10 +229,7 @@ class TurnAbout(OfAxes):
         """Return the multiplier times the second derivative, Im (ddz / z - dz dz / z^2)."""
         moment = multipliers[0, 0]
         n, o, over = (part[0] for part in self._over(x))
-        by_n, by_o = (
-            self._slope(end, x)[0][:, marker.support - marker.columns.start]
-            for end, marker in enumerate(self.ends)
-        )
+        by_n, by_o = (marker.of_support(self._slope(end, x)) for end, marker in enumerate(self.ends))
         slope = np.concatenate([o @ by_n, n @ by_o]) * over
         second, k = -np.outer(slope, slope), by_n.shape[1]
         mixed = by_n.T @ by_o * over

@@ -6,7 +6,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 from hfsim.errors import SolverFailure
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, BoolArray
+from hfsim.maths.matrices import Entries
 
 
 class VariableMass(Protocol):
@@ -33,6 +34,13 @@ class VariableMass(Protocol):
 
     def momenta(self, x: Array, rates: Array) -> Array:
         """Return the mass matrix times rates, both (n_batch, m, n_columns)."""
+
+    @property
+    def lengths(self) -> BoolArray:
+        """Which of its coordinates are lengths, not angles or slopes, shape (n_columns,)."""
+
+    def inertia_slopes(self, x: Array, a: Array) -> Entries:
+        """Return the derivative of M(x) a by x in one state, for accelerations (1, n_x)."""
 
     @property
     def inner(self) -> int:

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.matrices import Matrix, is_sparse
 from hfsim.mechanics.body import Body, VectorBody
 from hfsim.mechanics.markers import Marker
@@ -110,6 +110,16 @@ def gauge_of(scene: Assembled, q: Array | None = None) -> Gauge:
     )
 
 
+def units_of(scene: Assembled) -> Array:
+    """Return by what coordinates change at large, (n_x,): lengths by the size of their body."""
+    gauge, units = gauge_of(scene), np.ones(scene.system.n_x)
+    sizes = np.sqrt(gauge.sizes / gauge.masses)
+    moving = (body for body in scene.bodies.values() if not body.still)
+    for body, size in zip(moving, sizes, strict=True):
+        units[body.columns][_are_lengths(body)] = size
+    return units
+
+
 def _metric(system: System, x: Array) -> Matrix:
     """Return the mass matrix in a state (1, n_x), with an inverse."""
     equations = system.equations
@@ -175,6 +185,15 @@ def _lengths(tie: Any) -> Iterator[float]:
     for one in (tie, getattr(tie, "sliding", None)):
         if isinstance(one, SlidingResistanceSpec) and one.stops:
             yield from (abs(limit) for limit in (one.stops.lower, one.stops.upper) if limit is not None)
+
+
+def _are_lengths(body: Body) -> BoolArray:
+    """Tell which coordinates of a body are lengths, not angles, slopes or directions, (n_columns,)."""
+    if body.variable_mass is not None:
+        return body.variable_mass.lengths
+    if isinstance(body, VectorBody):
+        return np.repeat(body.positions > 0.0, body.n_dim)
+    return np.arange(body.columns.stop - body.columns.start) < body.n_dim
 
 
 def _directions(body: Body) -> IntArray:

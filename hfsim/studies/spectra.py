@@ -22,7 +22,7 @@ from hfsim.marching.stop import Budget, TimeUp
 from hfsim.maths.arrays import Array, magnitude
 from hfsim.mechanics.modes import AnyModes, analytic_modes, modes_at_rest, modes_by_differences
 from hfsim.scene.build import Scene, build
-from hfsim.scene.gauging import gauge_of
+from hfsim.scene.gauging import gauge_of, units_of
 from hfsim.trust.handover import hand_memory
 
 MOST_UNKNOWNS = 400
@@ -86,7 +86,9 @@ def linearise(scene: Scene, t: float, q: Array, v: Array) -> AnyModes:
         raise LimitsError(
             f"{system.n} unknowns; {scene.model} is linearised up to {MOST_UNKNOWNS}, exact and ancf beyond"
         )
-    return modes_by_differences(system, t, q, v) if v.any() else modes_at_rest(system, t, q)
+    if not v.any():
+        return modes_at_rest(system, t, q)
+    return modes_by_differences(system, t, q, v, units_of(scene)[system.reduction.rows])
 
 
 def spectrum(scene: Scene, t: float, q: Array, v: Array) -> Spectrum:

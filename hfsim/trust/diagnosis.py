@@ -327,7 +327,7 @@ def linearised(problem: Problem, t: float, q: Array, v: Array) -> tuple[ComplexA
     """
     # the analytic derivative leaves out what velocities do
     try:
-        by_q, by_v = by_differences(problem.evaluate, t, q, v, dissipates=True).slopes()
+        by_q, by_v = by_differences(problem.evaluate, t, q, v, True, problem.units()).slopes()
         assert by_v is not None
         square = float(np.abs(by_q).max(initial=0.0))
         rate = np.sqrt(square) if 0.0 < square < np.inf else 1.0

@@ -14,7 +14,7 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, Matrix, assemble, factorised, is_sparse, saddle_point
 from hfsim.mechanics.force import ForcePart
-from hfsim.mechanics.small_motions import derivative, resistance
+from hfsim.mechanics.small_motions import resistance
 from hfsim.mechanics.statics.gauge import Gauge, resisting
 from hfsim.mechanics.system import System
 from hfsim.mechanics.turning import Turning
@@ -330,8 +330,6 @@ class Problem:
         return self.system.equations.phi.jacobian_at(self.expand(state.z)) @ self.system.reduction.basis
 
     def _tangent(self, state: State, load: float) -> Tangent:
-        if self.system.variable_mass:
-            return self._by_differences(state, load)
         x, system = self.expand(state.z), self.system
         u, parts = self.rates(x, load), list[Entries]()
         for one in self._with_strains(state.expected):
@@ -341,11 +339,14 @@ class Problem:
         equations = system.equations
         if not equations.phi.constant:
             parts += equations.phi.stiffness(x, state.multipliers)
+        if self.turning is not None:
+            carried = load * self.turning.accelerations(x)
+            parts += [body.inertia_slopes(x, carried) for body in equations.variable_mass]
         sparse = is_sparse(equations.constant_mass)
         whole = assemble(parts, (system.n_x, system.n_x), sparse)
         if self.turning is not None:
             W = self.turning.matrix
-            whole = whole + load * (equations.constant_mass @ W @ W)
+            whole = whole + load * (equations.mass_at(x) @ W @ W)
             whole = whole + load**0.5 * (resistance(system, self.t, x, u) @ W)
         return Tangent(system.reduction.reduced(whole), self.jacobian(state))
 
@@ -357,24 +358,6 @@ class Problem:
             one if strains is None else one._replace(part=one.part.strained(strains))
             for one, strains in zip(self.forces, expected, strict=True)
         )
-
-    def _by_differences(self, state: State, load: float) -> Tangent:
-        smooth = replace(self, forces=tuple(one for one in self.forces if not one.part.abrupt))
-
-        def held_back(moved: Array) -> Array:
-            return -smooth._missing(moved, np.repeat(state.multipliers, len(moved), axis=0), load)[0]
-
-        size = (self.system.n_x, self.system.n_x)
-        abrupt = self.system.reduction.reduced(assemble(self._abrupt(state, load), size, sparse=False))
-        return Tangent(derivative(held_back, state.z[0]) + abrupt, np.asarray(self.jacobian(state)))
-
-    def _abrupt(self, state: State, load: float) -> Iterator[Entries]:
-        """Yield the derivatives of forces of which differences are none."""
-        x = self.expand(state.z)
-        for one in self.forces:
-            if one.part.abrupt:
-                own = one.part.tangent(self.t, x, self.rates(x, load))
-                yield own._replace(values=one.at(load) * own.values)
 
     def expecting(self, state: State, dz: Array) -> list[Array | None]:
         """Return the strains of each force to which changes (1, n) of a state are to lead."""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from hfsim.errors import SolverFailure
-from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.arrays import Array, BoolArray, IntArray
+from hfsim.maths.differences import FINE, fine_derivative
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.shapes import gauss_legendre, piecewise
@@ -98,6 +100,39 @@ class ForeshortenedBeam(ForcePart):
     def support(self) -> IntArray:
         """All coordinates of the beam."""
         return np.arange(self.columns.start, self.columns.stop)
+
+    @property
+    def lengths(self) -> BoolArray:
+        """Which of its coordinates are lengths, not angles or slopes, shape (n_columns,)."""
+        raise NotImplementedError
+
+    def slopes(self, values: Callable[[Array], Array], at: Array, columns: IntArray) -> Entries:
+        """Return the derivative of forces (n_batch, k) by as many of its coordinates, in one state.
+
+        By differences, in which lengths change by that of the beam as angles and slopes do by one.
+        """
+        units = np.where(self.lengths, self.mesh.length, 1.0)[columns - self.columns.start]
+        return Entries.of_block(columns, columns, fine_derivative(values, at[0], columns, FINE * units))
+
+    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus the derivative of the force by x in one state, by differences."""
+        return self.slopes(lambda moved: self._own_resistance(t, moved, u), x, self.support)
+
+    def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus the derivative of the force by u in one state: it is of second order in that."""
+        return self.slopes(lambda moved: self._own_resistance(t, x, moved), u, self.support)
+
+    def _own_resistance(self, t: Array, x: Array, u: Array) -> Array:
+        return self._resistance(t, x, u)[:, self.columns]
+
+    def inertia_slopes(self, x: Array, a: Array) -> Entries:
+        """Return the derivative of M(x) a by x in one state, for accelerations (1, n)."""
+        rates = a[:, None, self.columns]
+
+        def momenta(moved: Array) -> Array:
+            return self.momenta(moved, np.repeat(rates, len(moved), axis=0))[:, 0]
+
+        return self.slopes(momenta, x, self.support)
 
     @cached_property
     def n_w(self) -> int:
@@ -212,9 +247,18 @@ class ForeshortenedMarker(Marker):
         return np.arange(own.start, own.start + self.beam.inner if self.place == 0.0 else own.stop)
 
     def position_stiffness(self, x: Array, force: Array) -> Entries:
-        """Refuse: scenes with a varying mass matrix are linearised by differences of accelerations."""
-        raise NotImplementedError
+        """Return force . d2r/dx2 in one state, by differences."""
+        return self.bent(x, lambda moved: force @ self.position_jacobian(moved))
 
     def spin_stiffness(self, x: Array, moment: Array) -> Entries:
-        """Refuse, as `position_stiffness`."""
-        raise NotImplementedError
+        """Return the derivative of moment . spin Jacobian by x in one state, by differences."""
+        return self.bent(x, lambda moved: moment @ self.spin_jacobian(moved))
+
+    def bent(self, x: Array, pulled: Callable[[Array], Array]) -> Entries:
+        """Return the derivative of a force on the beam by x in one state."""
+        own = self.support - self.columns.start
+
+        def kept(moved: Array) -> Array:
+            return pulled(moved).reshape(len(moved), -1)[:, own]
+
+        return self.beam.slopes(kept, x, self.support)

@@ -124,6 +124,12 @@ class LinearElasticForce(ForcePart):
         """All coordinates of the beam."""
         return np.arange(self.columns.start, self.columns.stop)
 
+    @cached_property
+    def units(self) -> Array:
+        """By what its coordinates change at large, (n,): its size [m], and one."""
+        size = float(np.ptp(self.undeformed[self.positions > 0.0], axis=0).max())
+        return np.repeat(np.where(self.positions > 0.0, size, 1.0), self.undeformed.shape[1])
+
     def _nodes(self, x: Array) -> Array:
         return x[:, self.columns].reshape(len(x), *self.undeformed.shape)
 
@@ -193,7 +199,7 @@ class LinearElasticForce(ForcePart):
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of the force by x in one state, by differences."""
         near = self.near(x, u)
-        return difference(lambda moved: near._resistance(t, moved, u), x, self.support, fine=True)
+        return difference(lambda moved: near._resistance(t, moved, u), x, self.support, self.units)
 
     @cached_property
     def _damper(self) -> Self:
@@ -257,7 +263,7 @@ class PlanarLinearForce(LinearElasticForce):
         found = self._onto_nodes(B @ K, p, frame) + np.outer(turn, pulled) + np.outer(pulled, turn)
         if self.uses_rates:
             damped = self._damper
-            more = difference(lambda moved: damped._resistance(t, moved, u), x, self.support, fine=True)
+            more = difference(lambda moved: damped._resistance(t, moved, u), x, self.support, self.units)
             found = found + more.values.reshape(found.shape)
         return Entries.of_block(self.support, self.support, found)
 
@@ -273,7 +279,7 @@ class StrainedLinearForce(ForcePart):
     sizes : ndarray, shape (n_strains,)
         C.
     modes : ndarray, shape (n_strains, n)
-        S, eigenvectors of K - R.
+        S, eigenvectors of K - R in coordinates over their units.
     rest : ndarray, shape (n, n)
         R.
     given : ndarray, shape (1, n_strains), optional
@@ -289,9 +295,11 @@ class StrainedLinearForce(ForcePart):
     @classmethod
     def of(cls, force: LinearElasticForce, stiffness: Array) -> StrainedLinearForce:
         """Return a force with strains for a part of its stiffness that is that of an energy by itself."""
-        sizes, modes = np.linalg.eigh(stiffness)
+        units = force.units
+        sizes, modes = np.linalg.eigh(units[:, None] * stiffness * units)
         kept = sizes > NO_STRAIN * sizes[-1]
-        return cls(force, sizes[kept], modes.T[kept], force.stiffness - stiffness, item=force.item)
+        rest = force.stiffness - stiffness
+        return cls(force, sizes[kept], modes.T[kept] / units, rest, item=force.item)
 
     @property
     def uses_rates(self) -> bool:
@@ -346,5 +354,6 @@ class StrainedLinearForce(ForcePart):
         given = self.strain(x) if self.given is None else self.given
         held = replace(self, force=self.force.near(x, u), given=given)
         B = self._slopes(x)
-        geometric = difference(lambda moved: held._resistance(t, moved, u), x, self.support, fine=True)
+        units = self.force.units
+        geometric = difference(lambda moved: held._resistance(t, moved, u), x, self.support, units)
         return geometric._replace(values=geometric.values + (B.T @ (self.sizes[:, None] * B)).ravel())

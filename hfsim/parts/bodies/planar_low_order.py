@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, BoolArray
 from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import rotate
 from hfsim.maths.shapes import gauss_legendre
@@ -59,6 +59,12 @@ class LowOrderBeam(ForeshortenedBeam):
     def n(self) -> int:
         """Number of coordinates."""
         return RIGID + self.n_w + self.n_v
+
+    @cached_property
+    def lengths(self) -> BoolArray:
+        """The place of its frame, and values of w and v at nodes."""
+        own = self.mesh.positions > 0.0
+        return np.concatenate([[True, True, False], own[1:], own[2:]])
 
     @cached_property
     def of_w(self) -> slice:

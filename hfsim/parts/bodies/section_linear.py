@@ -225,5 +225,5 @@ class LinearSectionForce(LinearElasticForce):
         held = self if self.given is not None else self.strained(self.strain(x))
         B = self._slopes(x)
         material = B.T @ (self.strain_stiffness[:, None] * B)
-        geometric = difference(lambda moved: held._resistance(t, moved, u), x, self.support, fine=True)
+        geometric = difference(lambda moved: held._resistance(t, moved, u), x, self.support, self.units)
         return geometric._replace(values=geometric.values + material.ravel())

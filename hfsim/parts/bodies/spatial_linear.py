@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import field, replace
 from functools import cached_property
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 
@@ -47,7 +47,6 @@ class SpatialLinearElasticForce(LinearElasticForce):
     """
 
     beside: tuple[Array, Array] | None = field(default=None, kw_only=True)
-    abrupt: ClassVar[bool] = True
 
     @cached_property
     def _root(self) -> VectorMarker:

@@ -11,10 +11,11 @@ the same however a scene is turned, and in a plane those of `hfsim.parts.bodies.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, BoolArray
 from hfsim.maths.frozen import frozen
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.foreshortened import Fields, ForeshortenedBeam
@@ -39,6 +40,11 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
         t = X[1] / np.linalg.norm(X[1])
         line = np.outer(self.mesh.undeformed[:, 0], t)
         return np.asarray(self.mesh.positions[:, None] * X[0] + line).ravel()
+
+    @cached_property
+    def lengths(self) -> BoolArray:
+        """Those of the nodal positions."""
+        return np.repeat(self.mesh.positions > 0.0, 3)
 
     def vectors(self, x: Array) -> Array:
         """Return X, shape (n_batch, n_vectors, 3)."""

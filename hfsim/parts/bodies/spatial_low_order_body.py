@@ -15,7 +15,7 @@ from hfsim.maths.rotations import FIRST, lever, skew, smallest_rotation
 from hfsim.mechanics.body import Place
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
-from hfsim.mechanics.spatial_markers import SquareMarker
+from hfsim.mechanics.spatial_markers import SquareMarker, along_line
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.foreshortened import ForeshortenedMarker
 from hfsim.parts.bodies.root_frame import ACROSS, RootFrame, spun_by
@@ -123,6 +123,10 @@ class SpatialLowOrderMarker(ForeshortenedMarker):
         unit = slope / np.linalg.norm(slope, axis=-1, keepdims=True)
         return np.asarray(smallest_rotation(FIRST, unit) @ a)
 
+    def turned_jacobian(self, x: Array, a: Array) -> Array:
+        """Return the derivative of `turned` by X."""
+        return along_line(self, x, a)
+
     def axis(self, x: Array, a: Array) -> Array:
         """Return the slope, times the first component."""
         return np.asarray(np.asarray(a)[0] * self._slope(x))
@@ -154,8 +158,8 @@ class SpatialLowOrderMarker(ForeshortenedMarker):
         return np.asarray(lever(t, self.axis_bias(x, u, FIRST) - stretching * rate) / square)
 
     def axis_stiffness(self, x: Array, a: Array, force: Array) -> Entries:
-        """Refuse, as `position_stiffness`."""
-        raise NotImplementedError
+        """Return the second derivative of force . axis in one state, by differences."""
+        return self.bent(x, lambda moved: force @ self.axis_jacobian(moved, a))
 
 
 @frozen

@@ -228,7 +228,6 @@ class KelvinVoigtForce(MaterialDamping):
     axial: Array
     bending: Array
     engineering: bool = False
-    abrupt: ClassVar[bool] = True
 
     @property
     def counts(self) -> dict[str, int | str]:

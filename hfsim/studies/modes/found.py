@@ -14,6 +14,7 @@ from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.eigenpairs import Eigenpairs, eigenpairs
 from hfsim.maths.squares import Unfound
 from hfsim.mechanics.turning import Turning
+from hfsim.scene.gauging import units_of
 from hfsim.studies.modes.evenness import stays_even
 from hfsim.studies.modes.state import EVEN, About, ModesError
 from hfsim.studies.modes.sticking import Sticking, sticking
@@ -29,7 +30,7 @@ KINDS = {
 """What a motion can be."""
 UNSTABLE, FREE = ("flutter", "divergence"), ("rigid", "drift")
 _STEP = 1e-6
-"""Largest change of a coordinate with which shapes are taken, over the size of the scene."""
+"""Largest change of a coordinate with which shapes are taken, over what it changes by at large."""
 _TURNS_ONLY = 1e-4
 """Largest displacement of outlines, where the largest change of a coordinate is one, that is none."""
 _RIGID = 1e-6
@@ -336,9 +337,14 @@ def _energy(state: About, change: ComplexArray) -> Array:
     )
 
 
+def _largest(state: About, change: ComplexArray) -> float:
+    """Return the largest change of a coordinate, over what these change by at large."""
+    return float(np.abs(change / units_of(state.scene)).max())
+
+
 def _shapes(state: About, change: ComplexArray) -> dict[str, ComplexArray]:
     """Return displacements of all outlines by a change of the coordinates, by central differences."""
-    step = _STEP * min(1.0, state.size) / float(np.abs(change).max())
+    step = _STEP / _largest(state, change)
     moves = step * np.stack([change.real, -change.real, change.imag, -change.imag])
     moved = state.motions.x + moves
     found = {}
@@ -353,6 +359,6 @@ def _scale(state: About, shapes: dict[str, ComplexArray], change: ComplexArray) 
     every = np.concatenate([shape.ravel() for shape in shapes.values()])
     k = int(np.argmax(np.abs(every))) if len(every) else 0
     largest = complex(every[k]) if len(every) else 0.0
-    if abs(largest) <= _TURNS_ONLY * state.size * float(np.abs(change).max()):
+    if abs(largest) <= _TURNS_ONLY * state.size * _largest(state, change):
         largest = complex(change[int(np.argmax(np.abs(change)))])
     return 1.0 / largest
