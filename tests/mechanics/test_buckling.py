@@ -35,6 +35,47 @@ def test_a_clamped_column_gives_way_under_euler_s_loads(elements, degree):
     assert all(one.found for one in found)
 
 
+@pytest.mark.parametrize("load", [1e-7, 1e-9])
+def test_factors_of_a_load_far_below_them_are_not_hidden_by_rounding(load):
+    """Over a short step of such a load the stiffness changes by less than its last digits."""
+    found = critical_factors(problem_of(column(load), 1.0), Effort(), 2)
+    assert [load * one.load for one in found] == pytest.approx([EULER, 9.0 * EULER], rel=2e-5)
+    assert all(one.found for one in found)
+
+
+STIFF = """hfsim: 1
+gravity: %s
+bodies: {a: {type: rigid, mass: 1.0, inertia: %s, points: {p: %s}}}
+joints: {j: {type: %s, between: [ground, a.p]}}
+solve: {duration: 1.0}
+"""
+FLAT, DEEP = ("[0.0, -9.81]", "0.1", "[0, 1]"), ("[0.0, -9.81, 0.0]", "[0.1, 0.1, 0.1]", "[0, 1, 0]")
+
+
+@pytest.mark.parametrize("joint", ["fixed", "revolute"])
+@pytest.mark.parametrize("numbers", [FLAT, DEEP])
+def test_where_nothing_is_elastic_no_load_makes_anything_give_way(numbers, joint):
+    """Neither of a body that is held, nor of one that hangs."""
+    problem = problem_of(build(parse_deck(STIFF % (*numbers, joint))), 0.0)
+    with np.errstate(all="raise"):
+        assert critical_factors(problem, Effort()) == []
+
+
+def test_a_motion_that_is_like_none_is_no_way_to_give_way():
+    """A beam under its own weight in a model that loses sight of what it follows."""
+    deck = """hfsim: 1
+gravity: [0.0, -9.81]
+materials: {m: {density: 1000.0, youngs_modulus: 1.0e8}}
+sections: {c: {shape: rectangle, width: 0.05, height: 0.05}}
+bodies: {b: {type: beam, material: m, section: c, length: 1.0, elements: 4}}
+joints: {j: {type: fixed, between: [ground, b.root]}}
+solve: {duration: 0.1, model: lowOrder}
+output: {interval: 0.05, channels: [b.tip.x]}
+"""
+    with np.errstate(invalid="raise"):
+        assert not any(hfsim.static(parsed(deck), buckling=2).statistics["critical_reached"])
+
+
 ROUND = """hfsim: 1
 gravity: [0, 0, 0]
 materials: {m: {density: 1000.0, youngs_modulus: 1.0e9}}

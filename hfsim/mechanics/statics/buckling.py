@@ -13,11 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, ComplexArray
-from hfsim.maths.eigenvectors import eigenvectors
-from hfsim.maths.matrices import Matrix, dense, is_sparse, skewness
-from hfsim.maths.pencils import EPS
-from hfsim.mechanics.small_motions import BY_DIFFERENCES
+from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import Matrix
 from hfsim.mechanics.statics.beginning import begun
 from hfsim.mechanics.statics.newton import (
     MOVE,
@@ -28,8 +25,9 @@ from hfsim.mechanics.statics.newton import (
     correction,
     follows,
 )
-from hfsim.mechanics.statics.problem import Level, Problem, State, Tangent
-from hfsim.mechanics.statics.stability import is_symmetric, lowest
+from hfsim.mechanics.statics.problem import Level, Problem, State
+from hfsim.mechanics.statics.singular import eigenpairs
+from hfsim.mechanics.statics.stability import lowest
 
 STEP = 1e-3
 """Of differences of the stiffness by the load, relative to the factor."""
@@ -51,14 +49,12 @@ BEFORE = 0.9
 """Part of the way to an estimate up to which the equilibrium is taken where it is not found there."""
 AHEAD = 1e-2
 """The same, beyond which a factor runs ahead of any load, and the distance at which it is looked for else."""
-REAL = 1e-6
-"""Imaginary part of an eigenvalue, relative to its size, up to which it is real."""
-NOISE = 1e4
-"""Skewness of changes of the stiffness, over that which rounding makes, that is rounding."""
-SPANNED = 1e-6
-"""Part of motions beyond others, relative to the largest, from which it is a motion of its own."""
 ROUNDING = 1e-15
 """Change of the stiffness along a motion, relative to all that adds up to it, that may be rounding."""
+CLEAR = 1e-9
+"""The same, from which rounding does not count ..."""
+LONGER = 10.0
+"""... and by how much longer steps have to be where it does."""
 ONE = 1e-6
 """Difference of factors, relative to them, up to which they are one."""
 ALIKE = 0.99
@@ -100,8 +96,7 @@ def critical_factors(problem: Problem, effort: Effort, count: int = 3) -> list[F
         If there is no equilibrium without the loads, or nothing gives way as far as it can be followed.
     """
     problem, state = begun(problem, effort)
-    begin, step = problem.least, STEP * (problem.least or 1.0)
-    first = _eigenpairs(problem, state, begin, step, effort, count + SPARE)
+    begin, (first, step) = problem.least, _first(problem, state, effort, count)
     every = (_improved(problem, state, begin + ahead, motion, effort) for ahead, motion in first)
     improved = list(islice((one for one in every if one is not None), count))
     if first and not improved:
@@ -109,16 +104,45 @@ def critical_factors(problem: Problem, effort: Effort, count: int = 3) -> list[F
     stiffness = problem.tangent(state, begin).stiffness
     kept = list[Factor]()
     for one in sorted(improved, key=lambda one: (one.load, not one.found)):
-        if (one.found or _felt(stiffness, one)) and not any(_same(one, other) for other in kept):
+        felt = one.found or _felt(stiffness, one.motion, step / (one.load - begin)) > ROUNDING
+        if felt and not any(_same(one, other) for other in kept):
             kept.append(one)
     return kept
 
 
-def _felt(stiffness: Matrix, factor: Factor) -> bool:
-    """Return whether the stiffness of the unloaded scene changes by more than rounding in differences."""
-    motion = np.abs(factor.motion)
-    own = abs(float(factor.motion @ (stiffness @ factor.motion)))
-    return 2.0 * STEP * own / factor.load > ROUNDING * float(motion @ (abs(stiffness) @ motion))
+def _first(
+    problem: Problem, state: State, effort: Effort, count: int
+) -> tuple[list[tuple[float, Array]], float]:
+    """Return estimates from where paths begin, and the step of the load that the stiffness was taken over.
+
+    It is relative to the nearest of them where rounding hides what a short one changes, as of a small load,
+    and nothing is hidden then.
+    """
+    begin, step = problem.least, STEP * (problem.least or 1.0)
+    stiffness = problem.tangent(state, begin).stiffness
+    found = first = eigenpairs(problem, state, begin, step, effort, count + SPARE), step
+    try:
+        longest = MOVE / max(problem.moved(_answered(problem, state)), UNMOVED)
+        while True:
+            pairs, step = found
+            seen = pairs[:count] or eigenpairs(problem, state, begin, step, effort, 0)[:1]
+            if seen and all(_felt(stiffness, motion, step / ahead) > CLEAR for ahead, motion in seen):
+                return found
+            longer = min(STEP * abs(seen[0][0]) if seen else step / ROUNDING**0.5, longest)
+            if longer < LONGER * step:
+                return first
+            found = eigenpairs(problem, state, begin, longer, effort, count + SPARE), longer
+    except (NotFoundError, np.linalg.LinAlgError):
+        return first
+
+
+def _felt(stiffness: Matrix, motion: Array, part: float) -> float:
+    """Return by what the stiffness of the unloaded scene changes in differences, over all that adds up to it.
+
+    These are over a part of the way to where it is gone, to both sides.
+    """
+    size, own = np.abs(motion), abs(float(motion @ (stiffness @ motion)))
+    return 2.0 * abs(part) * own / float(size @ (abs(stiffness) @ size))
 
 
 def _same(one: Factor, other: Factor) -> bool:
@@ -142,11 +166,11 @@ def _improved(problem: Problem, state: State, load: float, motion: Array, effort
             if problem.moved(near.z - state.z) > MOVED:
                 return found
             try:
-                pairs = _eigenpairs(problem, near, place, STEP * place, effort, 0)
+                pairs = eigenpairs(problem, near, place, STEP * place, effort, 0)
             except NotFoundError:  # a scene that leans by rounding goes away beside the branch
                 place = min(at + BEFORE * (load - at), (1.0 - BESIDE) * load)
                 near = balanced(problem, state, Level(place), effort)
-                pairs = _eigenpairs(problem, near, place, STEP * place, effort, 0)
+                pairs = eigenpairs(problem, near, place, STEP * place, effort, 0)
         except (NotFoundError, np.linalg.LinAlgError):
             return _proved(problem, passed, best, effort) if least <= REACHED * abs(best.load) else best
         if not pairs:
@@ -156,6 +180,8 @@ def _improved(problem: Problem, state: State, load: float, motion: Array, effort
         close = [alike[k] / (1.0 + abs(pairs[k][0]) / abs(load)) for k in range(len(pairs))]
         more = pairs[int(np.argmax(close))][0]
         motion = _followed(motion, [one for shift, one in pairs if abs(shift - more) <= ONE * abs(load)])
+        if not motion.any():
+            return None
         state, at, load = near, place, place + more
         passed.append((at, state))
         if load <= problem.least:
@@ -302,98 +328,3 @@ def _answered(problem: Problem, state: State) -> Array:
     """Return by what the equilibrium from which it is followed changes with the load, (1, n)."""
     gaps = np.zeros_like(state.multipliers)
     return problem.tangent(state, problem.least).solved(problem.load(state.z), gaps)[0]
-
-
-def _eigenpairs(
-    problem: Problem, state: State, load: float, step: float, effort: Effort, count: int
-) -> list[tuple[float, Array]]:
-    """Return changes of the load at which the stiffness is singular, and the motions.
-
-    The smallest positive ones, as many as counted; or those nearest to zero of either sign if none is.
-    """
-    ends = [balanced(problem, state, Level(load + way), effort) for way in (-step, step)]
-    low, high = (problem.tangent(one, load + way) for one, way in zip(ends, (-step, step), strict=True))
-    tangent = problem.tangent(state, load)
-    K, change = tangent.stiffness, (high.stiffness - low.stiffness) / (2.0 * step)
-    some = _sparse(tangent, change, count) if is_sparse(K) else None
-    scale = _scale(K, problem.metric)
-    basis = _allowed(dense(tangent.jacobian), scale) if some is None else _spanned(some[1], scale)
-    rough = bool(problem.system.variable_mass)
-    even = skewness(change, K) <= NOISE * (BY_DIFFERENCES if rough else EPS) / step and is_symmetric(K, rough)
-    found = _symmetric(basis, K, change, load - problem.least) if even else None
-    factors, motions = found or _real(*(some or _projected(basis, K, change)))
-    if count:
-        factors, motions = factors[factors > 0.0], motions[factors > 0.0]
-    order = np.argsort(np.abs(factors))[: count or 6]
-    return [(float(factors[k]), motions[k]) for k in order]
-
-
-def _real(values: Array, motions: Array) -> tuple[Array, Array]:
-    """Return the factors nu of real eigenvalues 1 / nu that are not zero, and their motions."""
-    kept = (np.abs(values.imag) <= REAL * np.abs(values)) & (np.abs(values) > 0.0)
-    return 1.0 / values.real[kept], motions[kept].real
-
-
-def _scale(K: Matrix, metric: Matrix) -> Array:
-    """Return changes of the coordinates that meet the same stiffness each, (n,): no unit counts in these.
-
-    What is stiff and what is not is told by the metric: those of lengths and turns have different units.
-    """
-    weights = metric.diagonal()
-    stiff = np.abs(K.diagonal()) / weights
-    return np.asarray(1.0 / np.sqrt(weights * np.where(stiff > EPS * stiff.max(), stiff, stiff.max())))
-
-
-def _allowed(J: Array, scale: Array) -> Array:
-    """Return a basis of the motions that joints allow, (n, k)."""
-    if not len(J):
-        return np.diag(scale)
-    return np.asarray(scale[:, None] * np.linalg.qr((J * scale).T, mode="complete")[0][:, len(J) :])
-
-
-def _spanned(motions: Array, scale: Array) -> Array:
-    """Return a basis of what complex motions, as rows, span together, (n, k)."""
-    motions = motions / scale
-    parts = np.concatenate([motions.real, motions.imag])
-    left, sizes, _ = np.linalg.svd((parts / np.linalg.norm(motions, axis=1).max()).T, full_matrices=False)
-    return np.asarray(scale[:, None] * left[:, sizes > SPANNED])
-
-
-def _projected(Z: Array, K: Matrix, change: Matrix) -> tuple[ComplexArray, ComplexArray]:
-    """Return eigenvalues 1 / nu of -K^-1 K' on motions (n, k), and these motions as rows."""
-    values, vectors = eigenvectors(np.linalg.solve(Z.T @ (K @ Z), -(Z.T @ (change @ Z))))
-    rounding = 1e-12 * np.abs(values).max(initial=0.0)
-    return np.where(np.abs(values) > rounding, values, 0.0), (Z @ vectors).T
-
-
-def _symmetric(Z: Array, K: Matrix, change: Matrix, load: float) -> tuple[Array, Array] | None:
-    """Return the factors nu of matrices without skew parts on motions (n, k), and these motions as rows.
-
-    Of the stiffness without load they are all real: rounding makes pairs of two that are one elsewhere.
-    None where that is not positive.
-    """
-    from scipy.linalg import eigh
-
-    own, others = (Z.T @ (one @ Z) for one in (K - load * change, -change))
-    try:
-        values, vectors = eigh(0.5 * (others + others.T), 0.5 * (own + own.T))
-    except np.linalg.LinAlgError:
-        return None
-    there = np.abs(values) > 1e-12 * np.abs(values).max(initial=0.0)
-    return 1.0 / values[there] - load, (Z @ vectors[:, there]).T
-
-
-def _sparse(tangent: Tangent, change: Array, count: int) -> tuple[Array, Array]:
-    from scipy.sparse.linalg import LinearOperator, eigs
-
-    n, m = tangent.stiffness.shape[0], tangent.jacobian.shape[0]
-    gaps = np.zeros((1, m))
-
-    def answer(motion: Array) -> Array:
-        force = -np.asarray(change @ motion.ravel())[None]
-        return np.asarray(tangent.solved(force, gaps)[0][0])
-
-    begin = answer(np.sin(np.arange(1.0, n + 1.0)))
-    operator = LinearOperator((n, n), matvec=answer, dtype=float)
-    values, motions = eigs(operator, count or 3, which="LR" if count else "LM", v0=begin, tol=1e-12)
-    return values, motions.T
