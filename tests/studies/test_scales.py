@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import hfsim
+from hfsim.scene.build import build
+from hfsim.studies.spectra import spectrum
 
 SMALL, LARGE = 1e-6, 1e3
 SCENES = [
@@ -73,3 +75,13 @@ def test_scenes_of_any_size_give_the_same_scaled(n, element, model):
     assert there == pytest.approx(places, abs=1e-9)
     for one, other in zip(found, others, strict=True):
         assert one == pytest.approx(other, rel=1e-7, abs=1e-10)
+
+
+@pytest.mark.parametrize("model", ["linear", "lowOrder"])
+def test_spectra_of_moving_scenes_of_any_size_are_the_same(model):
+    """They are taken by differences of accelerations; fast motions leave the slow ones five digits."""
+    scenes = (build(hfsim.load(arm(2, "cable", model, s))) for s in (SMALL, 1.0, LARGE))
+    small, one, large = (spectrum(scene, 0.0, scene.q, scene.v) for scene in scenes)
+    for other in (small, large):
+        assert other.fastest == pytest.approx(one.fastest, rel=1e-8)
+        assert other.slowest == pytest.approx(one.slowest, rel=1e-4)
