@@ -91,7 +91,7 @@ solve: {duration: 1.0}
     "overrides",
     [
         [],
-        ["bodies.b.elements=40"],
+        pytest.param(["bodies.b.elements=40"], marks=pytest.mark.slow),
         pytest.param(["solve.model=lowOrder"], marks=pytest.mark.slow),
         ["bodies.b.element=cable", "bodies.b.degree=5"],
     ],

@@ -12,9 +12,11 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from click.testing import CliRunner
 
 pytest.importorskip("distributed")
 
+from hfsim.cli import app
 from hfsim.deck.files import sent
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.studies.cluster import Cluster, ClusterError, Workers, _work
@@ -195,9 +197,11 @@ def test_the_job_at_which_a_scheduler_is_lost_is_none_that_was_done(monkeypatch)
     assert (done, jobs.unreached()) == ([0, 1], [2, 3, 4, 5])
 
 
-def test_no_scheduler_is_told_before_anything_runs(wheel):
-    told = finished(sweep("none", "--dask", "tcp://127.0.0.1:9"), 2)
-    assert "no scheduler answers" in told
+def test_no_scheduler_is_told_before_anything_runs(wheel, monkeypatch):
+    monkeypatch.setattr("hfsim.studies.cluster._CONNECT", 1.0)
+    given = ["sweep", "wheel.yaml", "--vary", "springs.coil.stiffness=50,100", "-o", "none"]
+    told = CliRunner().invoke(app, [*given, "--dask", "tcp://127.0.0.1:9"])
+    assert told.exit_code == 2 and "no scheduler answers" in told.stderr
     assert not (wheel / "none").exists()
 
 

@@ -108,7 +108,9 @@ def test_rotors_that_only_decay_at_rest_are_followed(count, rates):
     assert abs(onset.rate) == pytest.approx(np.sqrt(500.0) * 1.5, rel=1e-5)
 
 
-@pytest.mark.parametrize(("inner", "outer"), [(0.0, 0.5), (2.0, 3.0), (1.0, 5.0)])
+@pytest.mark.parametrize(
+    ("inner", "outer"), [(0.0, 0.5), (2.0, 3.0), pytest.param(1.0, 5.0, marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("rates", [[0, 10, 25, 40], [24, 26.5, 40], [20, 25]], ids=str)
 def test_discs_on_unlike_springs_go_away_between_two_rates(inner, outer, rates):
     """There (k1 - m W^2) (k2 - m W^2) + (d W)^2 = 0."""

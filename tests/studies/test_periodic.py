@@ -266,6 +266,7 @@ def test_fast_motions_follow_where_slow_ones_are_looked_at(monkeypatch):
         assert off <= 2.0 * max(mode.uncertainty, same.uncertainty) and off < 1e-3 * abs(mode.value)
 
 
+@pytest.mark.slow
 def test_what_foreshortens_as_it_moves_is_no_vibration():
     """Where a start is moved far, what its ends come nearer by is none of the fast motions that go on."""
     first, later = (

@@ -728,7 +728,7 @@ def test_a_mast_turns_about_its_own_line(elements):
     assert not hfsim.campbell(deck, [0.0, 20.0], count=1).unsteady
 
 
-@pytest.mark.parametrize("case", ["lag", "turning_blade"])
+@pytest.mark.parametrize("case", [pytest.param("lag", marks=pytest.mark.slow), "turning_blade"])
 def test_blades_that_turn_steadily_are_told_so_at_all_rates(case):
     """Joint equations along which no mode moves are rounding, before a turn and after it."""
     found = hfsim.campbell(load_deck(f"cases/verify/{case}.yaml"), [0.0, 5.0, 10.0, 20.0], count=2)
