@@ -71,11 +71,8 @@ class Spec(BaseModel):
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> CoreSchema:
         """Tell pydantic how the entry is validated."""
-
-        def read(value: Any, inner: Callable[[Any], Any]) -> Any:
-            return cls._read(cls._stated(value), inner)
-
-        return no_info_wrap_validator_function(read, handler(source))
+        read = no_info_wrap_validator_function(cls._read, handler(source))
+        return no_info_before_validator_function(cls._stated, read)
 
     @classmethod
     def _stated(cls, value: Any) -> Any:

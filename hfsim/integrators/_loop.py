@@ -158,7 +158,7 @@ class Stepping:
         """Make attempts until a step is kept; raise what prevents that."""
         path, fixed, most = self.path, self._limits.step, self._limits.max_steps
         stepper = self._stepper or self._begin()
-        if path.t_end >= self._stretch[1]:
+        if self.on_the_brink:
             stepper = self._enter(stepper)
         stepper.period = self._period
         steps, made, edges = path.segments, len(path.segments), 0

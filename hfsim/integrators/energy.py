@@ -326,8 +326,9 @@ class EnergyStepper(CollocationStepper):
             return problem.often.call(f"slopes at {len(states[0])} points", problem.slopes, states)[1:]
         if problem.near(*next(zip(*states, strict=True))).sparse:
             return None
-        whole = partial(by_differences, problem.evaluate, dissipates=True, units=problem.units())
-        near = problem.near if problem.quartic else whole
+        near = problem.near
+        if not problem.quartic:
+            near = partial(by_differences, problem.evaluate, dissipates=True, units=problem.units())
         by_q, by_v = zip(*(near(*state).slopes() for state in zip(*states, strict=True)), strict=True)
         return np.array(by_q), None if by_v[0] is None else np.array(by_v)
 

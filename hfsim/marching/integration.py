@@ -24,7 +24,6 @@ from hfsim.mechanics.strained import Strains
 from hfsim.mechanics.system import System
 from hfsim.parts.bodies.vector_beam import VectorBeam
 from hfsim.scene.build import Scene
-from hfsim.scene.gauging import units_of
 from hfsim.scene.rules import closes_loops
 from hfsim.scene.schema import SolveSpec
 
@@ -215,7 +214,7 @@ def problem_of(scene: Scene) -> Problem:
 
 
 def _units(scene: Scene) -> Array:
-    return scene.kept(("units",), lambda: units_of(scene)[scene.system.reduction.rows])
+    return scene.units[scene.system.reduction.rows]
 
 
 def _slopes(scene: Scene) -> Slopes | None:

@@ -28,7 +28,7 @@ from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Linkage
 from hfsim.scene.facing import Facings
 from hfsim.scene.freedom import FreeMotion, free_motions, slips
-from hfsim.scene.gauging import gauge_of
+from hfsim.scene.gauging import gauge_of, units_of
 from hfsim.scene.joining import joints_of, linkage_of, start_of
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.measured import coordinate_of, refuse_unread, start_turns, ties_of
@@ -170,6 +170,11 @@ class Scene:
             return ()
         still = still_bodies(self.deck, _kinds(self.loaded, self.models))
         return tuple(_part(self, group, still) for group in connected(self.deck, still))
+
+    @cached_property
+    def units(self) -> Array:
+        """By what coordinates change at large, (n_x,): lengths by the size of their body, others by one."""
+        return units_of(self)
 
     def remade(self, models: Mapping[str, str]) -> Scene:
         """Return the scene with other models of some beams."""

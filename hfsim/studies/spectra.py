@@ -22,7 +22,7 @@ from hfsim.marching.stop import Budget, TimeUp
 from hfsim.maths.arrays import Array, magnitude
 from hfsim.mechanics.modes import AnyModes, analytic_modes, modes_at_rest, modes_by_differences
 from hfsim.scene.build import Scene, build
-from hfsim.scene.gauging import gauge_of, units_of
+from hfsim.scene.gauging import gauge_of
 from hfsim.trust.handover import hand_memory
 
 MOST_UNKNOWNS = 400
@@ -88,7 +88,7 @@ def linearise(scene: Scene, t: float, q: Array, v: Array) -> AnyModes:
         )
     if not v.any():
         return modes_at_rest(system, t, q)
-    return modes_by_differences(system, t, q, v, units_of(scene)[system.reduction.rows])
+    return modes_by_differences(system, t, q, v, scene.units[system.reduction.rows])
 
 
 def spectrum(scene: Scene, t: float, q: Array, v: Array) -> Spectrum:

@@ -14,7 +14,6 @@ from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.eigenpairs import Eigenpairs, eigenpairs
 from hfsim.maths.squares import Unfound
 from hfsim.mechanics.turning import Turning
-from hfsim.scene.gauging import units_of
 from hfsim.studies.modes.evenness import stays_even
 from hfsim.studies.modes.state import EVEN, About, ModesError
 from hfsim.studies.modes.sticking import Sticking, sticking
@@ -339,7 +338,7 @@ def _energy(state: About, change: ComplexArray) -> Array:
 
 def _largest(state: About, change: ComplexArray) -> float:
     """Return the largest change of a coordinate, over what these change by at large."""
-    return float(np.abs(change / units_of(state.scene)).max())
+    return float(np.abs(change / state.scene.units).max())
 
 
 def _shapes(state: About, change: ComplexArray) -> dict[str, ComplexArray]:
