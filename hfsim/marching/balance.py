@@ -268,7 +268,7 @@ def _inside(system: System, steps: StepSamples, far: float) -> tuple[float, floa
 
 def _work_on_rounding(system: System, t: Array, x: Array) -> float:
     """Return the largest work of loads when each coordinate changes by `ROUNDING` [J]."""
-    loads, change = [part for part in system.forces if part.exchanges_power], _last_digit(x, ROUNDING)
+    loads, change = [part for part in system.together if part.exchanges_power], _last_digit(x, ROUNDING)
 
     def power(rates: Array) -> Array:
         return np.asarray(sum(load.power(t, x, rates) for load in loads))

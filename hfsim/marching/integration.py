@@ -195,7 +195,7 @@ def problem_of(scene: Scene) -> Problem:
         rigid=all(body.rigid for body in scene.deck.bodies.values()),
         loops=closes_loops(scene.deck),
         spatial=scene.deck.dimension == 3,
-        many_forces=len(system.forces) >= MANY,
+        many_forces=len(system.together) >= MANY,
         breaks=system.breaks(scene.deck.solve.duration),
         period=partial(system.period, t_end=scene.deck.solve.duration),
         recordings=scene.recordings,

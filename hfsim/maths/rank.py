@@ -100,6 +100,20 @@ def null_space(rows: Array, largest: float | None = None) -> Array:
     return np.asarray(right[int(np.sum(sizes > LOST * size)) :].T)
 
 
+def others_than(some: Array, rows: Array) -> Array:
+    """Return combinations (m - k, n) of rows (m, n) at right angles to some (m, k), all of unit length.
+
+    By a block reflection (Schreiber and Parlett 1988): in k products of the rows, not m as by a basis of all
+    that is left.
+    """
+    k = some.shape[1]
+    left, _, right = np.linalg.svd(some[:k])
+    mirror = some.copy()
+    mirror[:k] += left @ right
+    across = np.linalg.solve(0.5 * mirror.T @ mirror, mirror.T @ rows)
+    return np.asarray(rows[k:] - mirror[k:] @ across)
+
+
 def spanning(vectors: Array) -> IntArray:
     """Return the numbers of vectors, of (n, k), that span what all of them do."""
     from scipy.linalg import qr

@@ -75,7 +75,7 @@ class Slopes:
         if self.system.n > FEW:
             return False
         state = np.zeros(1), np.zeros((1, self.system.n_x)), np.zeros((1, self.system.n_x))
-        if any(part.uses_rates or part.tangent(*state).values.size for part in self.system.forces):
+        if any(part.uses_rates or part.tangent(*state).values.size for part in self.system.together):
             return False
         _, by_q, by_v = self(np.zeros(1), *(one[None] for one in self.start))
         # a spin w makes them w^2 and 2 w, what swings by its weight less of the second
@@ -105,7 +105,7 @@ class Slopes:
         sides = np.zeros((len(q), n + m, 2 * n))
         sides[:, :n, :n] = -(multipliers @ self.bend.reshape(m, n * n)).reshape(-1, n, n)
         sides[:, :n, :n] -= self._stiffness(t, x, u, lambda part: part.tangent)
-        if system.uses_rates and any(part.uses_rates for part in system.forces):
+        if system.uses_rates and any(part.uses_rates for part in system.together):
             sides[:, :n, n:] = -self._stiffness(t, x, u, lambda part: part.rate_tangent)
         sides[:, n:, :n], sides[:, n:, n:] = -bent[1], -2.0 * bent[2]
         slopes = np.linalg.solve(matrix, sides)[:, :n]
@@ -120,8 +120,8 @@ class Slopes:
     def _stiffness(self, t: Array, x: Array, u: Array, of: Callable[[ForcePart], _Tangent]) -> Array:
         """Return what forces lose with the free coordinates or their rates, (n_batch or 1, n, n)."""
         states = [(t[k : k + 1], x[k : k + 1], u[k : k + 1]) for k in range(len(t))]
-        if not any(of(part)(*states[0]).values.size for part in self.system.forces):
+        if not any(of(part)(*states[0]).values.size for part in self.system.together):
             return np.zeros((1, *self.bend.shape[1:]))
-        parts = ([of(part)(*one) for part in self.system.forces] for one in states)
+        parts = ([of(part)(*one) for part in self.system.together] for one in states)
         whole = (assemble(some, (x.shape[1], x.shape[1]), False) for some in parts)
         return np.array([self.system.reduction.reduced(one) for one in whole])

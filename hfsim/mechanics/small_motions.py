@@ -139,7 +139,7 @@ def stiffness(system: System, t: Array, x: Array, u: Array, a: Array, multiplier
     equations = system.equations
     # what is stiff is exact as stiffness times strains, where differences leave a trace of it
     parts, even = list[Entries](), list[Entries]()
-    for part in system.forces:
+    for part in system.together:
         following = part.uses_rates or part.exchanges_power
         (parts if following else even).append(part.in_strains().tangent(t, x, u))
     parts += [body.inertia_slopes(x, a) for body in equations.variable_mass]
@@ -165,5 +165,5 @@ def rounding_of_joints(system: System, x: Array, multipliers: Array) -> Matrix:
 
 def resistance(system: System, t: Array, x: Array, u: Array) -> Matrix:
     """Return minus the derivative of the forces by the rates in one state, (n_x, n_x)."""
-    parts = [part.rate_tangent(t, x, u) for part in system.forces if part.uses_rates]
+    parts = [part.rate_tangent(t, x, u) for part in system.together if part.uses_rates]
     return assemble(parts, (system.n_x, system.n_x), is_sparse(system.equations.constant_mass))

@@ -26,6 +26,7 @@ from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.increments import NaturalIncrements
 from hfsim.mechanics.linearized import Linearized
 from hfsim.mechanics.many_forces import ManyForces
+from hfsim.mechanics.nets import knotted
 from hfsim.mechanics.projection import Projection, Through, directly
 from hfsim.mechanics.reduction import Reduction
 from hfsim.mechanics.subset import parted
@@ -181,10 +182,15 @@ class System:
         """Return the shortest oscillation of a law between two times of a run until ``t_end`` [s]."""
         return min((law.period(begin, end, t_end) for law, _ in self._laws), default=np.inf)
 
+    @cached_property
+    def together(self) -> tuple[ForcePart, ...]:
+        """The forces, with those called together that can be."""
+        return knotted(self.forces, self.n_x)
+
     def force(self, t: Array, x: Array, u: Array) -> Array:
         """Return the generalised force of all parts, shape (n_batch, n_x)."""
         f = np.zeros_like(x)
-        for part in self.forces:
+        for part in self.together:
             apart(part.add_force, t, x, u, f)
         return f
 
@@ -198,7 +204,7 @@ class System:
 
     def potential_energy(self, t: Array, x: Array) -> Array:
         """Return the energy of weight and springs [J], shape (n_batch,)."""
-        return np.asarray(sum((f.potential_energy(t, x) for f in self.forces), np.zeros(len(x))))
+        return np.asarray(sum((f.potential_energy(t, x) for f in self.together), np.zeros(len(x))))
 
     def power(
         self, t: Array, x: Array, u: Array, solve: Callable[..., tuple[Array, Array]] | None = None
@@ -207,7 +213,7 @@ class System:
 
         What solves the equations of motion may be stated; see `Equations.solve`.
         """
-        power = np.asarray(sum((f.power(t, x, u) for f in self.forces), np.zeros(len(x))))
+        power = np.asarray(sum((f.power(t, x, u) for f in self.together), np.zeros(len(x))))
         if self.driven:
             multipliers = (solve or self.equations.solve)(t, x, u, self.force(t, x, u))[1]
             power += np.sum(multipliers * self.equations.phi.rate(t), axis=-1)
@@ -306,11 +312,11 @@ class System:
 
     @cached_property
     def _conserving(self) -> ManyForces:
-        return ManyForces([part for part in self.forces if not part.of_strain_rates])
+        return ManyForces([part for part in self.together if not part.of_strain_rates])
 
     @cached_property
     def _every(self) -> ManyForces:
-        return ManyForces(self.forces)
+        return ManyForces(self.together)
 
     def _free_matrix(self, parts: list[Entries]) -> Matrix:
         whole = assemble(parts, (self.n_x, self.n_x), is_sparse(self.equations.constant_mass))

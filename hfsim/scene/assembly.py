@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -154,8 +154,12 @@ class Assembly:
 
 def angles_of(closed: Mapping[str, Turn]) -> str:
     """Return angles or rotation vectors of bodies in words, of a few where there are many."""
-    told = [f"{name} {_in_degrees(turn)}" for name, turn in closed.items()]
-    return ", ".join(told if len(told) <= TOLD else [*told[:TOLD], f"and {len(told) - TOLD} more"])
+    return few_of([f"{name} {_in_degrees(turn)}" for name, turn in closed.items()])
+
+
+def few_of(told: Sequence[str], between: str = ", ") -> str:
+    """Return a list in words, cut short where it is long."""
+    return between.join(told if len(told) <= TOLD else [*told[:TOLD], f"and {len(told) - TOLD} more"])
 
 
 def _in_degrees(turn: Turn) -> str:

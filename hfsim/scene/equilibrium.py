@@ -11,9 +11,11 @@ import numpy as np
 from hfsim.deck.laws import Law, StandingLaw
 from hfsim.errors import HfsimError, SolverFailure
 from hfsim.maths.arrays import Array
+from hfsim.maths.rank import others_than
 from hfsim.maths.rotations import wrap
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.force import ConstantForce, ForcePart
+from hfsim.mechanics.nets import knotted
 from hfsim.mechanics.point_loads import Load
 from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.resistances import Push
@@ -27,6 +29,7 @@ from hfsim.mechanics.system import System
 from hfsim.mechanics.ties import Tie
 from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.acting import undirected
+from hfsim.scene.assembly import few_of
 from hfsim.scene.gauging import Assembled, gauge_of
 from hfsim.scene.measured import Measured, uncounted
 
@@ -191,7 +194,8 @@ def standing(system: System, moving: bool = False) -> System:
 def _weighted(scene: Assembled, varied: Collection[str] | None, moving: bool) -> Iterator[Weighted]:
     """Yield all forces with their factors."""
     heavy = varied is None or GRAVITY in varied
-    for part in scene.system.forces if moving else map(_standing, scene.system.forces):
+    forces = scene.system.forces if moving else tuple(map(_standing, scene.system.forces))
+    for part in knotted(forces, scene.system.n_x):
         name = _load(part)
         if (name and (varied is None or name in varied)) or (heavy and isinstance(part, ConstantForce)):
             yield Weighted(part, 0.0, 1.0)
@@ -261,19 +265,22 @@ def held_by_nothing(scene: Assembled, motions: Array) -> list[str]:
     u = u / np.abs(u).max(axis=1, keepdims=True)
     bodies = scene.bodies.items()
     moving = [name for name, body in bodies if np.abs(u[:, body.columns]).max(initial=0.0) > FELT]
-    told = list[str]()
+    told, left = list[str](), np.ones(len(u), dtype=bool)
     for one in scene.free_motions or ():
-        mixed, sizes, _ = np.linalg.svd(u[:, scene.bodies[one.body].columns])
+        columns = scene.bodies[one.body].columns
+        moved = np.flatnonzero(left & u[:, columns].any(axis=1))
+        mixed, sizes, _ = np.linalg.svd(u[moved, columns], full_matrices=False)
         number = min(int(np.sum(sizes > FELT)), one.number)
         if number:
             told.append(str(one) if number == one.number else f"{one} ({number} of these)")
-        u = mixed[:, number:].T @ u  # the others, in which this body stands still
+            # the others, in which this body stands still
+            u[moved[number:]], left[moved[:number]] = others_than(mixed[:, :number], u[moved]), False
     return told or moving
 
 
 def one_of_many(scene: Assembled, motions: Array) -> str:
     """Return in a sentence that motions (k, n) lead from an equilibrium to others."""
-    return f"one equilibrium of many, since nothing resists: {'; '.join(held_by_nothing(scene, motions))}"
+    return f"one equilibrium of many, since nothing resists: {few_of(held_by_nothing(scene, motions), '; ')}"
 
 
 def doubts(scene: Assembled, found: Equilibrium, x: Array, t: float = 0.0) -> Iterator[str]:
@@ -362,7 +369,7 @@ def why_not(scene: Assembled, t: float, found: Equilibrium) -> SolverFailure:
         return SolverFailure(reason, t, f"bodies.{rough[0]}", "model", evidence, remedy)
     if len(found.neutral):
         names = held_by_nothing(scene, found.neutral)
-        reason = f"nothing holds what the loads push: {'; '.join(names)}"
+        reason = f"nothing holds what the loads push: {few_of(names, '; ')}"
         remedy = "a spring, a servo or a joint that holds it, or no load along it"
         body = names[0].partition(":")[0]
         return SolverFailure(reason, t, f"bodies.{body}", "deck", {"search": found.reason}, remedy)

@@ -1,18 +1,19 @@
 """Time and memory of a step against the size of the scene.
 
-    python tests/benchmarks/scaling.py [--space | --thin]
+    python tests/benchmarks/scaling.py [--space | --thin | --net]
 
 Two families: the pendulum of one beam with 16 to 4096 elements, and a chain of 2 to 256 hinged beams of
 two elements each; in space beams of both elements and a chain of rigid bodies on ball joints, or of slender
-ones, and of flat ones with joints off their plane.  Model `exact`,
-methods gauss and gear at equal fixed steps.  Each step is scaled to the element length, so that the same
-number of them asks the same of Newton's method.  CPU time, median of repeats; memory by tracemalloc in a run
-of its own.
+ones, and of flat ones with joints off their plane, and nets of bodies with a spring to each neighbour.
+Model `exact`, methods gauss and gear at equal fixed steps.  Each step of a beam is scaled to the element
+length, so that the same number of them asks the same of Newton's method.  CPU time, median of repeats; memory
+by tracemalloc in a run of its own.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import time
 import tracemalloc
 from collections.abc import Callable
@@ -67,6 +68,16 @@ joints:
 {joints}
 solve: {{duration: {duration}, method: {method}, step: {step}, stages: 8, order: 2}}
 """
+NET = """
+hfsim: 1
+name: net
+gravity: [0.0, 0.0, -9.81]
+ground: {{points: {points}}}
+bodies: {bodies}
+springs: {springs}
+initial: {initial}
+solve: {{duration: {duration}, method: {method}, step: {step}, stages: 8, order: 2}}
+"""
 STEPS = 10
 
 
@@ -106,6 +117,31 @@ def chain(
     return text.format(method=method, step=step, duration=STEPS * step)
 
 
+def net(count: int, method: str) -> str:
+    """Return the deck of a square net of some `count` bodies on springs, held at its edges."""
+    many = round(count**0.5) + 2
+    place = {(i, j): [0.1 * i, 0.1 * j, 0.0] for i in range(many) for j in range(many)}
+    names = {one: f"{'b' if all(0 < k < many - 1 for k in one) else 'p'}{one[0]}_{one[1]}" for one in place}
+    inner = {name: place[one] for one, name in names.items() if name[0] == "b"}
+    points = {name: place[one] for one, name in names.items() if name[0] == "p"}
+    pairs = [(one, (one[0] + i, one[1] + 1 - i)) for one in place for i in (0, 1)]
+    ends = [(names[one], names[other]) for one, other in pairs if other in place]
+    tied = [
+        [name if name in inner else f"ground.{name}" for name in pair] for pair in ends if {*pair} & {*inner}
+    ]
+    spring = {"type": "two_point", "stiffness": 100.0, "damping": 0.01, "rest_length": 0.09}
+    body = {"type": "rigid", "mass": 0.01, "inertia": [1e-6] * 3}
+    return NET.format(
+        points=json.dumps(points),
+        bodies=json.dumps(dict.fromkeys(inner, body)),
+        springs=json.dumps({f"s{k}": {**spring, "between": one} for k, one in enumerate(tied)}),
+        initial=json.dumps({name: {"position": one} for name, one in inner.items()}),
+        method=method,
+        step=1e-2,
+        duration=STEPS * 1e-2,
+    )
+
+
 def measure(text: str, repeats: int) -> tuple[float, float, int, float]:
     """Return CPU time of a step and of building [s], unknowns, and the peak memory of the run [MB]."""
     kept = "stages: 8" if "method: gauss" in text else "order: 2"
@@ -135,6 +171,7 @@ FAMILIES: dict[str, Callable[[int, str], str]] = {
     "cable": partial(space, element="cable"),
     "links": partial(chain, deck=LINKS, joint="spherical"),
     "slender": partial(chain, deck=LINKS, joint="spherical", inertia="[2.0e-11, 0.02, 0.02]"),
+    "net": net,
     "flat": partial(chain, deck=LINKS, joint="spherical", inertia="[0.01, 0.01, 0.02]", beside=0.01),
 }
 """Decks by number and method."""
@@ -166,13 +203,16 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--space", action="store_true", help="beams and bodies in space, 64 to 1024")
     parser.add_argument("--thin", action="store_true", help="slender and flat bodies beside others")
+    parser.add_argument("--net", action="store_true", help="nets of springs")
     given = parser.parse_args()
     for method in given.methods.split(","):
         for family in ("cosserat", "cable", "links") if given.space else ():
             table(family, [64, 256, 1024], method, given.repeats, 64)
         for family in ("links", "slender", "flat") if given.thin else ():
             table(family, [20, 64], method, given.repeats, 20)
-        if given.space or given.thin:
+        if given.net:
+            table("net", [25, 100, 400], method, given.repeats, 25)
+        if given.space or given.thin or given.net:
             continue
         table("elements", [int(n) for n in given.elements.split(",")], method, given.repeats, 64)
         table("bodies", [int(n) for n in given.bodies.split(",")], method, given.repeats, 16)

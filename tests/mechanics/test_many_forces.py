@@ -16,7 +16,8 @@ COUNT = 20
 
 
 def row(dimension, **solve):
-    """Bodies in a row, each held by springs with dampers and stops at points off their centres."""
+    """Bodies in a row, each held by springs with dampers at points off their centres."""
+    kind = ("two_point", "bushing")[dimension - 2]
     place = ("[{x}, 0.1]", "[{x}, 0.1, -0.2]")[dimension - 2]
     inertia, gravity = (("0.1", "[0, -9.81]"), ("[0.1, 0.2, 0.15]", "[0, 0, -9.81]"))[dimension - 2]
     arm = ("[0.1, 0.05]", "[0.1, 0.05, 0.02]")[dimension - 2]
@@ -27,7 +28,7 @@ def row(dimension, **solve):
             f"  b{k}: {{type: rigid, mass: 1.0, inertia: {inertia}, points: {{a: {arm}}}}}" for k in names
         ),
         "springs": "\n".join(
-            f"  s{k}: {{type: two_point, between: [ground.p{k}, b{k}.a], stiffness: {200 + k}, damping: 2.0}}"
+            f"  s{k}: {{type: {kind}, between: [ground.p{k}, b{k}.a], stiffness: {200 + k}, damping: 2.0}}"
             for k in names
         ),
         "initial": "\n".join(f"  b{k}: {{position: {place.format(x=k + 0.1)}}}" for k in names),

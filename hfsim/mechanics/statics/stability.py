@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, random_signs
+from hfsim.maths.arrays import Array, BoolArray, random_signs
 from hfsim.maths.eigenpairs import eigenpairs
 from hfsim.maths.matrices import Matrix, assemble, dense, is_sparse, skewness
 from hfsim.maths.pencils import EPS, Pencil
@@ -107,16 +107,46 @@ def neutral(problem: Problem, state: State, load: float, rigid: Array) -> Array:
     most = np.linalg.norm(np.asarray(abs(rows) @ np.abs(rigid.T)), axis=1) if len(gaps) else np.zeros(0)
     felt = np.linalg.norm(gaps, axis=1) > NONE * most
     gaps = gaps[felt] / most[felt, None]
-    allowed = null_space(gaps) if len(gaps) else np.eye(len(rigid))
-    motions = problem.system.reduction.free_rates(allowed.T @ rigid)
+    allowed = null_space(gaps).T @ rigid if len(gaps) else rigid
+    motions = problem.system.reduction.free_rates(allowed)
     if not len(motions):
         return motions
-    K = problem.tangent(state, load).stiffness
-    own, size = motions @ (K @ motions.T), np.abs(motions) @ (abs(K) @ np.abs(motions.T))
+    K, every = problem.tangent(state, load).stiffness, motions
+    if is_sparse(K):
+        from scipy.sparse import csr_array
+
+        every = csr_array(motions)
+    size = dense(abs(every) @ (abs(K) @ abs(every).T))
+    alone, mixed = _unresisted(dense(every @ (K @ every.T)), size)
+    return np.vstack([motions[alone], mixed @ motions[~alone]])
+
+
+def _unresisted(stiffness: Array, size: Array) -> tuple[BoolArray, Array]:
+    """Return which of n motions, and which combinations (k, m) of the m others, a stiffness does not resist.
+
+    Parameters
+    ----------
+    stiffness, size : ndarray, shape (n, n)
+        Of the motions, maybe not symmetric, and what adds up to it.
+    """
+    least = NONE * size.diagonal().max()
+    felt = np.abs(stiffness) > least
+    alone = ~(felt.any(axis=0) | felt.any(axis=1))
+    own, size = (one[np.ix_(~alone, ~alone)] for one in (stiffness, size))
+    if _resists_all(own, NONE * size.sum(axis=1).max(initial=0.0)):
+        return alone, np.zeros((0, len(own)))
     # of loads that turn with bodies it is not symmetric, and only what no force at all answers is free
     _, values, mixed = np.linalg.svd(own)
-    free = values <= NONE * np.diag(mixed @ size @ mixed.T).clip(min=size.diagonal().max())
-    return np.asarray(mixed[free] @ motions)
+    return alone, mixed[values <= NONE * np.diag(mixed @ size @ mixed.T).clip(min=least / NONE)]
+
+
+def _resists_all(stiffness: Array, least: float) -> bool:
+    """Tell whether a stiffness, maybe not symmetric, surely resists all motions by more than that."""
+    try:
+        np.linalg.cholesky(0.5 * (stiffness + stiffness.T) - least * np.eye(len(stiffness)))
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def are_pushed(problem: Problem, state: State, motions: Array) -> bool:
