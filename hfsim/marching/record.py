@@ -22,6 +22,8 @@ from hfsim.scene.build import Scene
 
 CALL, NATIVE, STATE = 3e-4, 3e-5, 2e-7
 """Nominal time of a batch of evaluations, of one in native steps, and of each coordinate of a state [s]."""
+LARGE, SPARSE = 40, 10.0
+"""Coordinates from which a coordinate costs more in proportion, as matrices do, and how much more at most."""
 BLOCK = 0.25
 """Nominal time after which the steps so far become a block [s]."""
 MOST_STEPS = 50e6
@@ -274,4 +276,5 @@ class LegRecord:
 def _nominal(counts: Counts, n: int) -> float:
     """Return about how long the evaluations so far take [s], the same on any machine."""
     native = counts.native / max(counts.steps, 1)
-    return (CALL + native * (NATIVE - CALL)) * counts.calls + STATE * n * counts.evaluations
+    share = min(max(1.0, n / LARGE), SPARSE)
+    return (CALL + native * (NATIVE - CALL)) * counts.calls + share * STATE * n * counts.evaluations

@@ -18,6 +18,7 @@ from hfsim.marching.stop import Budget
 from hfsim.parts.bodies import BeamSpec
 from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.build import Scene, build
+from hfsim.scene.points import find_marker
 from hfsim.scene.schema import SolveSpec
 from hfsim.trust.estimate import Compared, Estimate, no_time, why_not
 
@@ -147,6 +148,8 @@ def _measured(run: Compared, mesh: Mesh, update: dict[str, Any], budget: Budget,
     except (HfsimError, MemoryError) as refused:
         why = str(refused).split("\n")[0] or "it does not fit into memory"
         return Estimate(None, f"{words} could not be built: {why}")
+    if not _at_nodes(leg.scene) <= _at_nodes(scene):  # inside an element nothing bends by what they exert
+        return Estimate(None, f"{words} has no nodes where joints are")
     solve = scene.deck.solve.model_copy(update={"max_steps": None, **update})
     record = Record(balanced=False)
     reason = why_not(run_integration(scene, solve, budget.guard(), record=record), words, seconds)
@@ -174,6 +177,13 @@ def remeshed(scene: Scene, mesh: Mesh) -> Scene:
         bodies[name] = bodies[name].model_copy(update=entries)
     loaded = replace(scene.loaded, deck=scene.deck.model_copy(update={"bodies": bodies}))
     return build(loaded, scene.model, scene.models)
+
+
+def _at_nodes(scene: Scene) -> set[str]:
+    """Return the points of joints whose places are coordinates: those at nodes of beams."""
+    points = {point for joint in scene.deck.joints.values() for point in joint.points}
+    markers = {point: find_marker(point, scene.bodies, scene.deck) for point in points}
+    return {point for point, marker in markers.items() if marker.place_columns is not None}
 
 
 def _words(mesh: Mesh) -> str:

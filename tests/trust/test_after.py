@@ -266,6 +266,19 @@ def test_without_time_for_a_richer_mesh_a_part_of_the_distance_to_a_coarser_one_
     assert 0.3 < found.error / whole.error < 10.0
 
 
+def test_a_mesh_without_nodes_at_joints_is_no_coarser_one(monkeypatch):
+    """A beam propped in its middle bends there as no element does inside."""
+    prop = "  prop: {type: revolute, between: [ground.under, b1.middle]}"
+    propped = STRIP.replace("elements: 4", "elements: 2, points: {middle: [0.5, 0]}")
+    propped = propped.replace("{pin:", "\n  pin:").replace("b1.root]}}", f"b1.root]}}\n{prop}")
+    propped = propped.replace("bodies:", "ground: {points: {under: [0.5, 0]}}\nbodies:")
+    run = compared(parse_deck(propped))
+    monkeypatch.setattr(mesh, "_on_richer", lambda *_: Estimate(None, "no time"))
+    assert mesh_error(run, plenty(), 1.0) == Estimate(None, "no time")
+    run = compared(parse_deck(propped.replace("elements: 2", "elements: 4")))
+    assert mesh_error(run, plenty(), 1.0).error
+
+
 def test_scenes_without_a_mesh_say_so():
     found = simulate(parse_deck(FALLING), mesh_estimate=True).statistics
     assert (found["mesh_error_estimate"], found["mesh_error_estimate_reason"]) == (0.0, "no flexible beams")
