@@ -8,7 +8,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, on_components
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import cross
@@ -110,7 +110,7 @@ class GradientMarker(VectorMarker):
     def axis_jacobian(self, x: Array, a: Array) -> Array:
         """Return the derivative of `axis` by the coordinates, shape (n_batch or 1, 3, n_columns)."""
         slope = self._slope(a)
-        return Marker.axis_jacobian(self, x, a) if slope is None else np.kron(slope, np.eye(3))[None]
+        return Marker.axis_jacobian(self, x, a) if slope is None else on_components(slope, 3)[None]
 
     def axis_bias(self, x: Array, u: Array, a: Array) -> Array:
         """Return its second time derivative at zero accelerations, shape (n_batch, 3)."""

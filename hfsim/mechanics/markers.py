@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, BoolArray, ComplexArray, IntArray, distinct
+from hfsim.maths.arrays import Array, BoolArray, ComplexArray, IntArray, distinct, on_components
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import lever, rotate, spun, turning
@@ -345,4 +345,4 @@ class LinearMarker(Marker):
 
     @cached_property
     def _place_jacobian(self) -> Array:
-        return np.kron(self.place_row, np.eye(self.n_dim))[None]
+        return on_components(self.place_row, self.n_dim)[None]

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.arrays import Array, IntArray, on_components
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.mechanics.constraints import Constraint
@@ -78,7 +78,7 @@ class Orthonormal(Constraint):
         (_, one, other), n_dim = PAIRS[self._count], self.second.n_dim
         L = np.diag(multipliers[0, : self._count])
         L[one, other] = L[other, one] = multipliers[0, self._count :]
-        return Entries.of_block(self.axis_columns, self.axis_columns, np.kron(L, np.eye(n_dim)))
+        return Entries.of_block(self.axis_columns, self.axis_columns, on_components(L, n_dim))
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return nothing: these forces are inside the body."""

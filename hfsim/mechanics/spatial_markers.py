@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, BoolArray, IntArray
+from hfsim.maths.arrays import Array, BoolArray, IntArray, on_components
 from hfsim.maths.differences import FINE, fine_derivative
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
@@ -91,11 +91,11 @@ class VectorMarker(LinearMarker):
 
     def _linear(self, row: Array) -> LinearVector:
         vectors = np.flatnonzero(np.abs(row) > ROUNDING)
-        return LinearVector(self._columns_of(vectors), np.kron(row[vectors], np.eye(3)), np.zeros(3))
+        return LinearVector(self._columns_of(vectors), on_components(row[vectors], 3), np.zeros(3))
 
     def axis_jacobian(self, x: Array, a: Array) -> Array:
         """Return the same matrix for every state."""
-        return np.asarray(np.kron(np.asarray(a)[: self.n_axes] @ self.axis_rows, np.eye(3))[None])
+        return on_components(np.asarray(a)[: self.n_axes] @ self.axis_rows, 3)[None]
 
     @cached_property
     def square(self) -> Marker:
@@ -139,7 +139,7 @@ class VectorMarker(LinearMarker):
             return np.asarray(moment @ alone.spin_jacobian(moved))
 
         slopes = fine_derivative(pull, axes, every, np.full(3 * count, FINE))
-        rows = np.kron(self.axis_rows[:, vectors], np.eye(3))
+        rows = on_components(self.axis_rows[:, vectors], 3)
         return Entries.of_block(self.support, self.support, rows.T @ slopes @ rows)
 
 

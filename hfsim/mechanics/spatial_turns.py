@@ -10,7 +10,8 @@ of the plane.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -168,17 +169,24 @@ class TurnAbout(OfAxes):
         """The axis in A's frame."""
         return direction(cross(np.array(self.zero), np.array(self.quarter)))
 
-    @property
-    def _axes(self) -> tuple[tuple[tuple[complex, Direction], ...], ...]:
+    @cached_property
+    def _axes(self) -> tuple[tuple[tuple[complex, Array], ...], ...]:
         """Factors and axes of each end, whose sums are n and o."""
-        return ((1.0, self.zero), (1.0j, self.quarter)), tuple(zip((1.0, -1.0j), self.others, strict=False))
+        ends = ((1.0, self.zero), (1.0j, self.quarter)), zip((1.0, -1.0j), self.others, strict=False)
+        return tuple(tuple((factor, np.array(own)) for factor, own in end) for end in ends)
+
+    @cached_property
+    def _sums_of_axes(self) -> tuple[ComplexArray, ...]:
+        """Their sums, for markers whose axes are as they are."""
+        return tuple(np.asarray(sum(factor * own for factor, own in end)) for end in self._axes)
 
     def _sum(self, end: int, of: Callable[[Marker, Array], Array]) -> ComplexArray:
         """Return n or o, or what each end's marker says of its axes instead."""
-        marker, (factors, axes) = self.ends[end], map(np.array, zip(*self._axes[end], strict=True))
+        marker = self.ends[end]
         if marker.alike:
-            return np.asarray(of(marker, factors @ axes))
-        return np.asarray(sum(factor * of(marker, own) for factor, own in zip(factors, axes, strict=True)))
+            together: Any = self._sums_of_axes[end]
+            return np.asarray(of(marker, together))
+        return np.asarray(sum(factor * of(marker, own) for factor, own in self._axes[end]))
 
     def _both(self, x: Array) -> tuple[ComplexArray, ComplexArray]:
         """Return n and o, shape (n_batch, 3)."""
@@ -239,7 +247,7 @@ class TurnAbout(OfAxes):
         parts = [Entries.of_block(columns, columns, moment * second.imag)]
         for marker, axes, pull in zip(self.ends, self._axes, (o * over, n * over), strict=True):
             for factor, own in axes:
-                parts.append(marker.axis_stiffness(x, np.array(own), moment * np.imag(factor * pull)))
+                parts.append(marker.axis_stiffness(x, own, moment * np.imag(factor * pull)))
         return Entries(*(np.concatenate(kinds) for kinds in zip(*parts, strict=True)))
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
