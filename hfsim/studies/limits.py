@@ -76,33 +76,35 @@ def theory(method: str, order: int | None = None) -> Theory:
     named = f"order {order}: " if order else ""
     if said.growth is None:
         return Theory(None, said.words)
-    y, amplification = np.linspace(0.05, 12.0, 600), said.growth
+    y, amplification = np.linspace(0.0, 12.0, 601), said.growth
     growth = amplification(y, order)
-    growing = np.nonzero(growth > 1.0 + 1e-9)[0]
-    visible = np.nonzero(growth >= _SEEN)[0]
-    if not len(visible):
+    if growth.max() <= _SEEN:
         return Theory(None, named + said.words)
-    edge = _crossing(lambda at: amplification(at, order), *y[[max(visible[0] - 1, 0), visible[0]]])
-    words = f"|R(iwh)| = 1 at wh = {edge:.4g}"
-    if growing[-1] < len(y) - 1:
-        worst = int(growth.argmax())
-        words = (
-            f"{named}undamped modes grow for every wh up to {y[growing[-1]]:.3g}, by a factor of "
-            f"{growth[worst]:.3g} a step at wh = {y[worst]:.3g}; {BLOWN:g}-fold energy in {STEPS} steps "
-            f"at wh = {edge:.3g}"
-        )
-    return Theory(edge / (2 * np.pi), words)
+
+    def first(level: float) -> float:
+        beyond = int((growth > level).argmax())
+        return _crossing(lambda at: amplification(at, order) - level, y[beyond - 1], y[beyond])
+
+    edge, last, worst = first(_SEEN), np.nonzero(growth > _FEEDS)[0][-1], int(growth.argmax())
+    where = f"from wh = {first(_FEEDS):.4g} on"
+    if last < len(y) - 1:
+        most = f"{growth[worst]:.3g} a step at wh = {y[worst]:.3g}"
+        where = f"for every wh up to {y[last]:.3g}, by a factor of {most}"
+    seen = f"{BLOWN:g}-fold energy in {STEPS} steps at wh = {edge:.4g}"
+    return Theory(edge / (2 * np.pi), f"{named}undamped modes grow {where}; {seen}")
 
 
 _SEEN = BLOWN ** (1.0 / (2.0 * STEPS))
 """Growth of an amplitude per step from which a trial run sees it."""
+_FEEDS = 1.0 + 1e-9
+"""That from which a mode grows at all, and not by rounding."""
 
 
-def _crossing(growth: Callable[[Array], Array], low: float, high: float) -> float:
-    """Return w h between two values from which a mode grows enough to be seen."""
+def _crossing(excess: Callable[[Array], Array], low: float, high: float) -> float:
+    """Return where a function becomes positive between two values of w h."""
     for _ in range(60):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if growth(np.array([middle]))[0] < _SEEN else (low, middle)
+        low, high = (low, middle) if excess(np.array([middle]))[0] > 0.0 else (middle, high)
     return float(low)
 
 

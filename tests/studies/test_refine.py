@@ -425,19 +425,20 @@ def test_each_deck_has_its_own_target(tmp_path, monkeypatch):
 
 def test_a_method_that_won_on_a_coarser_mesh_alone_is_not_told_as_slower():
     """The table had it reach the error, timed again, while the sentence had it among those that do not."""
-    level = SimpleNamespace(method="gauss")
+    level, finer = SimpleNamespace(method="gauss", unknowns=10), SimpleNamespace(method="radau", unknowns=20)
     search = SimpleNamespace(
         loaded=SimpleNamespace(deck=SimpleNamespace(solve=SimpleNamespace(method="auto"))),
-        current=level, levels=[level],
+        current=finer, levels=[level, finer],
     )  # fmt: skip
     races = Races(search)
     races.pair = Pair(level, level, 0.0, 2.0e-5)
     races.probes = [
         Probe(method, 1.0e-5, outcome, "", "gauss", 10, 1.0, 4.5, 1.0)
-        for method, outcome in (("gear", "outrun"), ("explicit", "reached"))
+        for method, outcome in (("gear", "outrun"), ("gauss", "outrun"), ("explicit", "reached"))
     ]
     races.ahead = Entry("explicit", 1.0e-5, None, None, 1.0, 1.0e-6, 4.5)
     assert "none of gear reaches" in races.words
-    assert "explicit was 4.5 times sooner on a coarser mesh, and not timed on this one" in races.words
+    assert "explicit was 4.5 times sooner with 10 unknowns, and not timed with 20" in races.words
     races.ahead = None
-    assert "none of gear, explicit reaches" in races.words and "coarser" not in races.words
+    assert races.words.startswith("auto, the default: none of gear, explicit reaches")
+    assert "unknowns" not in races.words

@@ -188,22 +188,21 @@ class Races:
         """How the method was chosen."""
         if self.stated != "auto":
             return f"{self.stated}, kept: the deck names it"
-        own = (self.search.current or self.search.levels[0]).method
-        others = ", ".join(name for name in self.open if name not in own.split(", "))
+        if self.pair is None:
+            return "auto, the default: no error in time was measured to compare methods at"
+        own = self.pair.level.method.split(", ")
+        others = ", ".join(name for name in self.open if name not in own)
         late = f"; not judged for lack of time: {others}" if others else ""
         if (ahead := self.ahead) is not None:
-            sooner = f"{ahead.to_beat / ahead.cpu:.2g} times sooner"
-            late = f"; {ahead.method} was {sooner} on a coarser mesh, and not timed on this one{late}"
+            sooner = f"{ahead.method} was {ahead.to_beat / ahead.cpu:.2g} times sooner"
+            here, current = self.pair.level.unknowns, self.search.current
+            there = f" with {current.unknowns}" if current is not None else ""
+            late = f"; {sooner} with {here} unknowns, and not timed{there}{late}"
         if self.taken:
             return "; then ".join(self.taken) + late
-        default = f"{own}, the default"
-        if self.pair is None:
-            return f"{default}: no error in time was measured to compare methods at"
-        unjudged = {*self.open, ahead.method if ahead else ""}
+        unjudged = {*own, *self.open, ahead.method if ahead else ""}
         judged = dict.fromkeys(probe.method for probe in self.probes if probe.method not in unjudged)
         if not judged:
-            return default + late
-        return (
-            f"{default}: none of {', '.join(judged)} reaches an error in time of {self.pair.goal:.1e} "
-            f"{MARGIN:g} times sooner{late}"
-        )
+            return "auto, the default" + late
+        reached = f"reaches an error in time of {self.pair.goal:.1e} {MARGIN:g} times sooner"
+        return f"auto, the default: none of {', '.join(judged)} {reached}{late}"
