@@ -14,7 +14,7 @@ PAGE = FOLDER / "verify.md"
 MARK = "\n## What is met\n"
 """Heading from which on the page is written by this script."""
 OVERVIEW = """
-Digits are those that all values of a deck have, of the largest one with the same unit; what was measured
+{decks} decks with {values} values. Digits are those that all values of a deck have, of the largest one with the same unit; what was measured
 (grade D) is left out of them.
 
 | `hfsim verify` | published in | grade | values | digits |
@@ -42,7 +42,8 @@ def main() -> None:
     """Run everything and write the page."""
     result = verify([entry_of(load_deck(path)) for path in published_decks().values()], 2)
     head = PAGE.read_text(encoding="utf-8").partition(MARK)[0].rstrip()
-    first = OVERVIEW + "\n".join(overview(result.rows))
+    lines = [*overview(result.rows)]
+    first = OVERVIEW.format(decks=len(lines), values=len(result.rows)) + "\n".join(lines)
     text = f"{head}\n{MARK}{first}\n\n## What is found\n\n{as_markdown(result)}\n"
     PAGE.write_text(text, encoding="utf-8")
     sys.exit(result.exit_code)
