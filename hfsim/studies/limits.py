@@ -80,13 +80,9 @@ def theory(method: str, order: int | None = None) -> Theory:
     growth = amplification(y, order)
     if growth.max() <= _SEEN:
         return Theory(None, named + said.words)
-
-    def first(level: float) -> float:
-        beyond = int((growth > level).argmax())
-        return _crossing(lambda at: amplification(at, order) - level, y[beyond - 1], y[beyond])
-
-    edge, last, worst = first(_SEEN), np.nonzero(growth > _FEEDS)[0][-1], int(growth.argmax())
-    where = f"from wh = {first(_FEEDS):.4g} on"
+    begin, edge = (_first(amplification, order, y, level) for level in (_FEEDS, _SEEN))
+    last, worst = np.nonzero(growth > _FEEDS)[0][-1], int(growth.argmax())
+    where = f"from wh = {begin:.4g} on"
     if last < len(y) - 1:
         most = f"{growth[worst]:.3g} a step at wh = {y[worst]:.3g}"
         where = f"for every wh up to {y[last]:.3g}, by a factor of {most}"
@@ -100,11 +96,13 @@ _FEEDS = 1.0 + 1e-9
 """That from which a mode grows at all, and not by rounding."""
 
 
-def _crossing(excess: Callable[[Array], Array], low: float, high: float) -> float:
-    """Return where a function becomes positive between two values of w h."""
+def _first(growth: Callable[..., Array], order: int | None, y: Array, level: float) -> float:
+    """Return from which w h on, to rounding, a mode grows by more than a level a step; ``y`` is searched."""
+    beyond = int((growth(y, order) > level).argmax())
+    low, high = y[beyond - 1], y[beyond]
     for _ in range(60):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if excess(np.array([middle]))[0] > 0.0 else (middle, high)
+        low, high = (low, middle) if growth(np.array([middle]), order)[0] > level else (middle, high)
     return float(low)
 
 
