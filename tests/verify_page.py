@@ -14,8 +14,8 @@ PAGE = FOLDER / "verify.md"
 MARK = "\n## What is met\n"
 """Heading from which on the page is written by this script."""
 OVERVIEW = """
-{decks} decks with {values} values. Digits are those that all values of a deck have, of the largest one with the same unit; what was measured
-(grade D) is left out of them.
+{decks} decks with {values} values. Digits are those that all values of a deck have, of the largest one with
+the same unit; what was measured (grade D) is left out of them.
 
 | `hfsim verify` | published in | grade | values | digits |
 | --- | --- | --- | --- | --- |
