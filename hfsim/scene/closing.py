@@ -27,6 +27,8 @@ from hfsim.mechanics.pose import Pose
 LEVEL = np.eye(3)
 CLOSED = 1e-9
 """Gap of a joint, relative to the size of the linkage or in radians, that counts as none."""
+NO_LENGTH = 1e-13
+"""Distance that is rounding of a deck's expressions, as of 0.1 + 0.2 - 0.3 [m]."""
 BESIDE = 1e-6
 """Part of the largest gap up to which another one beside it counts as none."""
 MOST_ROWS = 500
@@ -143,10 +145,11 @@ class Linkage:
 
     @cached_property
     def size(self) -> float:
-        """Largest distance of a joint from the origin of what it is on [m]; 1 where all is zero."""
+        """Largest distance of a joint from the origin of what it is on [m]; 1 where all are none."""
         at_origin = np.zeros((1, self.n))
         marks = [marker.position(at_origin)[0] for c in self.constraints for marker in c.ends]
-        return max([float(np.linalg.norm(mark)) for mark in marks], default=0.0) or 1.0
+        size = max([float(np.linalg.norm(mark)) for mark in marks], default=0.0)
+        return size if size > NO_LENGTH else 1.0
 
     @cached_property
     def units(self) -> Array:
@@ -175,21 +178,15 @@ class Linkage:
         return rescaled(self.equations.jacobian_at(x[None])[:, free], self.units[free], self.scales)
 
     def slopes_by_rates(self, x: Array) -> Matrix:
-        """Return the derivative of the gaps' rates by velocities and spins at places (n,), (n_rows, n)."""
+        """Return the derivative of the gaps' rates by velocities and spins at places (n,), likewise."""
         J = self.equations.jacobian_at(x[None])
-        if self.centres is None:
-            return J
-        turns = x.reshape(-1, 6)[:, 3:]
-        if is_sparse(J):
-            return J @ _by_spins(turns)
-        for k, turn in enumerate(turns):
-            spins = slice(6 * k + 3, 6 * k + 6)
-            J[:, spins] = J[:, spins] @ np.linalg.inv(rotation_rates(turn))
-        return J
-
-    def in_units(self, slopes: Matrix) -> Matrix:
-        """Return derivatives (n_rows, n) of gaps by all coordinates, or of their rates by rates, in units."""
-        return rescaled(slopes, self.units, self.scales)
+        if self.centres is not None and is_sparse(J):
+            J = J @ _by_spins(x.reshape(-1, 6)[:, 3:])
+        elif self.centres is not None:
+            for k, turn in enumerate(x.reshape(-1, 6)[:, 3:]):
+                spins = slice(6 * k + 3, 6 * k + 6)
+                J[:, spins] = J[:, spins] @ np.linalg.inv(rotation_rates(turn))
+        return rescaled(J, self.units, self.scales)
 
     def poses(self, x: Array) -> list[Pose]:
         """Return the poses of all frames at places (n,)."""
@@ -208,8 +205,8 @@ class Linkage:
 
     @cached_property
     def drift(self) -> Array:
-        """How fast what the joints miss grows at the start if nothing moves: drivers; shape (n_rows,)."""
-        return np.asarray(self.equations.rate(np.zeros(1))[0])
+        """How fast the gaps grow at the start if nothing moves: drivers; in units, shape (n_rows,)."""
+        return np.asarray(self.equations.rate(np.zeros(1))[0] / self.scales)
 
     def worst(self, x: Array) -> tuple[Constraint, float]:
         """Return the constraint with the largest gap at places (n,), and its size [m or rad]."""

@@ -79,7 +79,7 @@ def free_motions(
         return None
     link = assembly.linkage
     mass = energy(np.where(link.turns, 0.0, link.units)) / link.n_dim
-    slopes = link.in_units(link.slopes_by_rates(assembly.place))
+    slopes = link.slopes_by_rates(assembly.place)
     slopes = slopes.tocsc() if is_sparse(slopes) else slopes
     every, found = (assembly, energy, mass, slopes), list[FreeMotion]()
     for group in groups:

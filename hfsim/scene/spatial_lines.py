@@ -110,9 +110,9 @@ def untwisted(assembly: Assembly, held: Linkage, lines: Collection[str]) -> Iter
     if len(names) > MOST_BODIES:
         return
     rolls = assembly.rolls(lines)
-    slopes = dense(held.in_units(held.slopes_by_rates(assembly.place)))
+    slopes = dense(held.slopes_by_rates(assembly.place))
     motions = null_space(np.concatenate([slopes, rolls]))
-    every = dense(whole.in_units(whole.slopes_by_rates(assembly.place)))
+    every = dense(whole.slopes_by_rates(assembly.place))
     rows = [
         (c.item, k, [whole.owner(end) for end in c.ends])
         for c, own in zip(whole.constraints, whole.equations.rows, strict=True)

@@ -98,7 +98,7 @@ def assembled(joined: Start, moving: Start, at: Placed) -> Assembly:
 def _loose(start: Start, place: Stated) -> Array:
     """Return the motions (k, n) that joints and what is stated leave free."""
     link, free = start.linkage, ~place.stated
-    rows = link.in_units(link.slopes_by_rates(place.values))
+    rows = link.slopes_by_rates(place.values)
     motions = np.zeros((len(free), len(free)))
     allowed = null_space(dense(rows[:, free]))
     motions[: allowed.shape[1], free] = allowed.T
@@ -297,9 +297,9 @@ def _nearest(link: Linkage, place: Stated, x: Array) -> Array:
     for _ in range(APPROACH if len(link.scales) <= MOST_ROWS else 0):
         J, gap = link.slopes_at(one, np.ones(len(x), dtype=bool)), link.gaps(one[None])[0]
         back = ((begin - one) / units)[guesses]
-        left = left_over(J[:, others])
+        left, rows = left_over(J, others)
         step = np.zeros(len(x))
-        step[guesses] = back - smallest_step(left @ J[:, guesses], left @ (J[:, guesses] @ back + gap))
+        step[guesses] = back - smallest_step(rows[:, guesses], rows[:, guesses] @ back + left @ gap)
         step[others] = -smallest_step(J[:, others], gap + J @ step)
         one += units * step
         if magnitude(step) < CLOSED:
@@ -323,22 +323,22 @@ def _settle_rates(start: Start, J: Matrix, rates: Stated) -> None:
     link, values = start.linkage, rates.values
     none = CLOSED * max(1.0, magnitude(values / link.units))
     before = follow_rates(link, J, rates, none)
-    missed, allowed = before / link.scales, tuple[Change, ...]()
+    missed, allowed = before, tuple[Change, ...]()
     if magnitude(missed) >= none:
         guesses, others = rates.stated & ~rates.exact, ~rates.stated
         if J.shape[0] <= MOST_ROWS:
-            left = left_over(J[:, others])
-            values -= least_turning(link, left @ J, guesses, left @ before)
+            left, rows = left_over(J, others)
+            values -= link.units * least_turning(link, rows, guesses, left @ before)
             values[others] = 0.0
         else:
-            values -= least_turning(link, J, guesses | others, before)
-        missed = follow_rates(link, J, rates, none) / link.scales
+            values -= link.units * least_turning(link, J, guesses | others, before)
+        missed = follow_rates(link, J, rates, none)
         allowed = _changes(start, rates, values)
     if magnitude(missed) >= none or any(change.rough > 1.0 for change in allowed):
-        joint, size = link.largest_of(before / link.scales)
+        joint, size = link.largest_of(before)
         if J.shape[0] <= MOST_ROWS:
             size = opened(link, J, ~rates.stated, before, joint)
-        raise contradicted(start, rates, joint, size, allowed, before / link.scales)
+        raise contradicted(start, rates, joint, size, allowed, before)
 
 
 def _changes(start: Start, given: Stated, values: Array) -> tuple[Change, ...]:

@@ -154,7 +154,7 @@ def test_a_spatial_loop_closes_and_its_other_ways_are_told():
         assert turn[1:] == pytest.approx(np.zeros(2), abs=1e-8)
     # the one stated rate gives all others
     rates = np.concatenate([np.concatenate(twist) for twist in built.assembly.twists.values()])
-    assert np.abs(link.slopes_by_rates(place) @ rates).max() < 1e-9
+    assert np.abs(link.slopes_by_rates(place) @ (rates / link.units)).max() < 1e-9
     assert np.linalg.norm(spins(built)["rocker"]) > 0.05
 
 
@@ -174,6 +174,31 @@ def test_an_orientation_far_from_all_ways_to_close_is_refused_with_the_nearest()
     with pytest.raises(DeckError, match=r"rocker\.orientation \[") as refusal:
         loop(more="rocker: {orientation: {rotation_vector: [2.6, 0.0, 0.0]}}")
     assert "contradict this joint by" in refusal.value.problems[0].message
+
+
+@pytest.mark.parametrize(("spin", "told"), [("0.21, -0.3", "[0.205, -0.3, 1.5]"), ("0.0, 0.2", "[0.1, -0.05, 1.5]")])
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_rounding_in_what_joints_leave_of_a_stated_velocity_is_no_slope(spin, told, size):
+    """It was taken for slopes of full rank: the nearest velocities were 1e12 to 1e15 m/s, and guesses refused."""
+    rim, lug, tip, foot = (f"[{x * size}, {y * size}, 0.0]" for x, y in ((0.3, 0.0), (0.8, -0.01), (1.0, 0.0), (-0.05, 0.02)))
+    deck = parse_deck(f"""hfsim: 1
+gravity: [0.0, 0.0, 0.0]
+bodies:
+  u: {{type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1], points: {{o: {rim}}}}}
+  w: {{type: rigid, mass: 1.0, inertia: [0.1, 0.1, 0.1], points: {{q: {lug}, tip: {tip}}}}}
+  d: {{type: rigid, mass: 0.3, inertia: [0.001, 0.001, 0.0015], points: {{i: {foot}}}}}
+joints: {{j: {{type: revolute, between: [u.o, w.q]}}, f: {{type: fixed, between: [w.tip, d.i]}}}}
+initial:
+  u: {{velocity: [{0.3 * size}, {0.2 * size}, {0.1 * size}], angular_velocity: [0.2, -0.3, 1.5]}}
+  w: {{angular_velocity: [{spin}, -2.0]}}
+solve: {{duration: 0.4}}
+""")
+    if spin.endswith("-0.3"):
+        one, other = build(deck).assembly.changes
+        assert f"allow {told} rad/s" in str(one) and (one.body, other.body) == ("u", "w")
+    else:
+        with pytest.raises(DeckError, match=re.escape(f"u.angular_velocity {told} rad/s, w.angular_velocity")):
+            build(deck)
 
 
 def test_a_loop_that_cannot_close_says_so():
