@@ -322,14 +322,15 @@ def _placed(deck: Deck, name: str) -> bool:
 
 
 def _idle_driver(deck: Deck, name: str, groups: Mapping[str, set[str]]) -> Iterator[tuple[str, str]]:
-    """Yield a driver that moves a rigid body to which nothing else is joined, where there are others."""
+    """Yield a driver that moves a rigid body alone, on which nothing acts, where there are others."""
     driver = deck.joints[name]
-    for body in owners(driver) - {"ground"}:
-        acted = [*(owners(spring) for spring in deck.springs.values())]
-        acted += [{load.owner} for load in deck.loads.values()]
-        alone = groups[body] == {body} and deck.bodies[body].rigid and not any(body in one for one in acted)
+    resisting = (joint for joint in deck.joints.values() if any(joint.resisting.values()))
+    acted = set().union(*map(owners, (*deck.springs.values(), *resisting)))
+    acted |= {load.owner for load in deck.loads.values()}
+    for body in owners(driver) - {"ground"} - acted:
+        alone = groups[body] == {body} and deck.bodies[body].rigid
         if alone and len(deck.bodies) > 1 and not driver.stands:
-            yield f"joints.{name}", f"moves '{body}' alone: no other joint, spring or load is on it"
+            yield f"joints.{name}", f"moves '{body}' alone: nothing connects it with other bodies or resists it"
 
 
 def _loose_driver(deck: Deck, name: str, motions: Sequence[FreeMotion]) -> Iterator[tuple[str, str]]:

@@ -136,7 +136,7 @@ def test_an_undriven_four_bar_has_one_motion_that_takes_all_along():
             [AXLE, MOTOR],
             "initial: {arm: {position: [2.0, 0.0]}}",
             0.0,
-            "joints.motor (line 8): moves 'hub' alone",
+            "joints.motor (line 8): moves 'hub' alone: nothing connects it with other bodies or resists it",
         ),
         (
             [HUB, ARM.replace("inertia: 0.1", "inertia: 1.0e-16").replace("-0.5", "0.0")],
@@ -167,6 +167,10 @@ def test_what_looks_like_a_slip_is_warned_of(bodies, joints, extra, gravity, exp
         ([HUB], LEGS, "", -9.81),
         ([HUB, ARM], [TRIM, ELBOW], "initial: {hub: {position: [0.0, 0.0], velocity: [0.0, 0.0]}}", 0.0),
         ([HUB, ARM], [MOTOR, ELBOW], "initial: {arm: {position: [0.5, 0.0]}}", 0.0),
+        *(
+            ([HUB, ARM], [AXLE.replace("hub]", f"hub], {resists}"), MOTOR], "initial: {arm: {position: [2.0, 0.0]}}", 0.0)
+            for resists in ("damping: 1.0", "friction: {torque: 1.0}", "stops: {lower: -1.0, stiffness: 1.0e+3}")
+        ),
     ],
 )
 def test_what_floats_on_purpose_is_not_nagged(bodies, joints, extra, gravity):
