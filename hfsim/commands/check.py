@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import click
@@ -70,17 +70,34 @@ def _assembled(facts: Mapping[str, Any]) -> Iterator[str]:
     yield from facts.get("notes", ())
     branches = facts.get("branches", ())
     for branch in branches[:_MOST]:
-        yield f"or with {angles_of(branch)}: {_taking(branch, facts['closed'])} takes this one"
+        others = [facts["closed"], *(one for one in branches if one is not branch)]
+        yield f"or with {angles_of(branch)}: {_taking(branch, others)} takes this one"
     if len(branches) > _MOST:
         yield f"or in {len(branches) - _MOST} other ways (--json lists them)"
 
 
-def _taking(branch: Mapping[str, Any], closed: Mapping[str, Any]) -> str:
-    """Return what in a deck takes a way to close: the angle stated otherwise, or that differs most."""
+def _taking(branch: Mapping[str, Any], others: Sequence[Mapping[str, Any]]) -> str:
+    """Return what in a deck takes a way to close and none of the others, the first of which is taken now.
+
+    Those angles that set it apart from most come first.  One that another way does not have is stated now.
+    """
+    from hfsim.scene.start import APART
+
     if not all(isinstance(turn, float) for turn in branch.values()):
         return "a rough angle or orientation under 'initial'"
-    body = max(branch, key=lambda name: abs(branch[name] - closed[name]) if name in closed else math.inf)
-    return f"'initial: {{{body}: {{angle: {math.degrees(branch[body]):.4g} deg}}}}'"
+
+    def off(body: str, other: Mapping[str, Any]) -> float:
+        if body not in other:
+            return math.inf
+        return round(abs(math.remainder(branch[body] - other[body], math.tau)), 6)
+
+    chosen, left = list[str](), list(others)
+    while left and len(chosen) < len(branch):
+        sizes = {one: (sum(off(one, way) > APART for way in left), off(one, others[0])) for one in branch}
+        body = max(sizes, key=sizes.__getitem__)
+        chosen, left = [*chosen, body], [way for way in left if off(body, way) <= APART]
+    angles = (f"{body}: {{angle: {math.degrees(branch[body]):.4g} deg}}" for body in chosen)
+    return f"'initial: {{{', '.join(angles)}}}'"
 
 
 def free_motions(facts: Mapping[str, Any]) -> Iterator[str]:

@@ -330,7 +330,7 @@ def _idle_driver(deck: Deck, name: str, groups: Mapping[str, set[str]]) -> Itera
     for body in owners(driver) - {"ground"} - acted:
         alone = groups[body] == {body} and deck.bodies[body].rigid
         if alone and len(deck.bodies) > 1 and not driver.stands:
-            yield f"joints.{name}", f"moves '{body}' alone: nothing connects it with other bodies or resists it"
+            yield f"joints.{name}", f"moves '{body}' alone: nothing joins it to other bodies or resists it"
 
 
 def _loose_driver(deck: Deck, name: str, motions: Sequence[FreeMotion]) -> Iterator[tuple[str, str]]:

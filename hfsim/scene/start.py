@@ -212,11 +212,13 @@ def _branches(
 def _told_ways(
     start: Start, place: Stated, free: BoolArray, follow: Sequence[int] | IntArray = ()
 ) -> list[dict[str, Turn]]:
-    """Return the angle of the body that would be stated otherwise, then those that follow, in each way."""
+    """Return the angle of the body to be stated otherwise, if one is, then those that follow, in each way."""
     found: list[dict[str, Turn]] = []
     for k, x in _otherwise(start, place, free):
-        numbers = dict.fromkeys([k, *(int(column) // freedoms(start.n_dim) for column in follow)])
-        turns = start.turns_of(np.where(start.linkage.turning, wrap(x), x))[:, 0]  # gears count full turns
+        parts = (np.where(start.linkage.turning, wrap(one), one) for one in (x, x - place.values))
+        turns, off = (start.turns_of(part)[:, 0] for part in parts)  # gears count full ones
+        changed = [k] if abs(off[k]) > APART else []
+        numbers = dict.fromkeys([*changed, *(int(column) // freedoms(start.n_dim) for column in follow)])
         found.append({start.names[n]: float(turns[n]) for n in numbers})
     return found
 
@@ -227,13 +229,13 @@ def _otherwise(start: Start, place: Stated, free: BoolArray) -> Iterator[tuple[i
     if start.n_dim != 2 or len(start.names) > MOST_STATED:
         return
     turns = (place.stated & ~place.exact & link.turns).reshape(len(start.names), -1)
+    ways = [x]
     for k in np.flatnonzero(turns.any(axis=1)):
         mine = np.zeros(turns.shape, dtype=bool)
         mine[k] = turns[k]
         freed = free | mine.ravel()
         if link.moves(x, freed):
             continue
-        ways = [x]
         for one in link.search(link.starts(x, (place.open & link.turns) | mine.ravel()), freed):
             if all(link.apart(one, way) > APART for way in ways):
                 ways.append(_near(link, one, x))

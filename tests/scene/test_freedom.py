@@ -136,7 +136,7 @@ def test_an_undriven_four_bar_has_one_motion_that_takes_all_along():
             [AXLE, MOTOR],
             "initial: {arm: {position: [2.0, 0.0]}}",
             0.0,
-            "joints.motor (line 8): moves 'hub' alone: nothing connects it with other bodies or resists it",
+            "joints.motor (line 8): moves 'hub' alone: nothing joins it to other bodies or resists it",
         ),
         (
             [HUB, ARM.replace("inertia: 0.1", "inertia: 1.0e-16").replace("-0.5", "0.0")],
