@@ -245,6 +245,7 @@ def _resumed(argument: str, loaded: LoadedDeck, path: Path, settings: Settings, 
         cut_off = (*INTERRUPTIONS, None if summary["status"] == "done" else _GONE_WRONG)
         if summary["status"] in ("done", "failed") and summary.get("exit_code") not in cut_off:
             return Job(argument, loaded, RunFolder(path), ended=summary)
+        folder = claim(path, force=True)
         checkpoint = take_up(path, provenance)
     except CheckpointError as error:
         raise FolderError(f"{error}\nuse --force without --resume to begin anew") from error
@@ -254,7 +255,7 @@ def _resumed(argument: str, loaded: LoadedDeck, path: Path, settings: Settings, 
         settings.talk.note(f"{path}: begun anew, as is every search for a target error")
     else:
         settings.talk.note(f"{path}: begun anew, it had not come to its first checkpoint")
-    return Job(argument, loaded, claim(path, force=True), checkpoint)
+    return Job(argument, loaded, folder, checkpoint)
 
 
 def _nothing(loaded: LoadedDeck) -> None:

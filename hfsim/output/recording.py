@@ -149,7 +149,7 @@ class Recording:
                 self._history.sync()
             # if this is the last that is written of it, what is to be done after it is missing
             missing = {"reason": AFTER_ITS_END, "exit_code": None} if run.status == "done" else {}
-            self._summarise(run, (), missing)
+            self._summarise(self._on_disk(run), (), missing)
 
     def finish(self, run: Run, wanted: Extras) -> tuple[Run, dict[str, Any]]:
         """Make what is wanted beside, write the last summary; return the run as it is told there, and that.
@@ -160,6 +160,7 @@ class Recording:
             If the system refuses.
         """
         try:
+            run = self._on_disk(run)
             hurried = self._full or run.exit_code in INTERRUPTIONS
             run, files = add_extras(run, Extras() if hurried else wanted, self.path, self._watch)
             cut_off = run.status == "done" and run.exit_code in INTERRUPTIONS
@@ -181,18 +182,19 @@ class Recording:
         self.folder.release()
 
     def _on_disk(self, run: Run) -> Run:
-        """Return a run with those rows that could be written."""
+        """Return a run with those rows that could be written, at which it ends."""
         if self._history is None or not self._full:
             return run
         rows = self._before + self._history.rows
         channels = tuple(one._replace(values=one.values[:rows]) for one in run.channels)
-        return replace(run, t=run.t[:rows], channels=channels)
+        run = replace(run, t=run.t[:rows], channels=channels)
+        return replace(run, reached=run.end_time)
 
     def _summarise(self, run: Run, extra: Iterable[str], told: Mapping[str, Any] = {}) -> dict[str, Any]:
         files = ["history.csv", "resolved.yaml", "run.log", SUMMARY, *extra]
         if (self.path / CHECKPOINT).exists():
             files.append(CHECKPOINT)
-        summary = {**summary_of(self._on_disk(run), self.provenance, files), **told}
+        summary = {**summary_of(run, self.provenance, files), **told}
         with suppress(OSError) if self._full else nullcontext():  # that the disk is full is told already
             write_json(self.path / SUMMARY, summary)
         return summary

@@ -240,7 +240,8 @@ def claim(path: Path, force: bool, marker: str = SUMMARY) -> RunFolder:
     Raises
     ------
     FolderError
-        If a finished run or files of unknown origin stand there, or it cannot be written to.
+        If a finished run or files of unknown origin stand there, or it cannot be written to, or another
+        process writes there.
     """
     if str(path) == "-":
         raise FolderError(
@@ -248,6 +249,8 @@ def claim(path: Path, force: bool, marker: str = SUMMARY) -> RunFolder:
         )
     try:
         refuse_unwritable(path)
+        if path.is_dir() and (held := _locked(path)) is not None:
+            os.close(held)
         present = _present(path, marker)
     except OSError as error:
         raise FolderError(f"cannot write to {path}: {error.strerror}") from error

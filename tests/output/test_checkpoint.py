@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -146,7 +147,7 @@ def assert_summary_is_of_the_rows(folder):
     """Assert that the summary tells the end, last values and extremes of the rows in the history."""
     summary = json.loads((folder / "summary.json").read_text())
     table = read_history(folder / "history.csv", -1)
-    assert summary["end_time"] == table[-1, 0] < summary["stop_time"]
+    assert summary["end_time"] == summary["stop_time"] == table[-1, 0]
     assert [*summary["final"].values()] == table[-1, 1:].tolist()
     extremes = np.array([table[:, 1:].min(axis=0), table[:, 1:].max(axis=0)])
     assert [*summary["extremes"].values()] == extremes.T.tolist()
@@ -169,6 +170,8 @@ def test_a_run_that_a_full_disk_ends_goes_on_from_the_rows_that_fitted(tmp_path,
     rows = (tmp_path / "out/history.csv").read_text().splitlines()[1:]
     assert len(rows) == sum(added[:2])
     assert_summary_is_of_the_rows(tmp_path / "out")
+    end = float(rows[-1].split(",")[0])
+    assert f"limit at t = {end:.6g} s" in done.stderr and f"at t = {end:.9g} s" in done.stdout
     with monkeypatch.context() as patch:
         patch.setattr(record, "BLOCK", 0.002)
         patch.setattr(History, "add", full)
@@ -224,8 +227,10 @@ def test_a_second_process_is_kept_out_of_a_running_folder(tmp_path):
     until = time.monotonic() + 60.0
     while not (tmp_path / "out/summary.json").exists() and time.monotonic() < until:
         time.sleep(0.01)
-    code, told = here("-o", str(tmp_path / "out"), "--force")
-    assert code == 2 and "another hfsim is writing" in told
+    for how in ((), ("--force",), ("--resume", "--set", "solve.duration=60")):
+        code, told = here("-o", str(tmp_path / "out"), *how)
+        assert code == 2 and "another hfsim is writing" in told
+        assert not re.search("replacing|anew|going on", told)
     os.kill(first.pid, signal.SIGKILL)
     first.communicate(timeout=60)
 

@@ -230,8 +230,9 @@ def test_two_processes_do_not_write_into_one_folder(tmp_path):
     first = claim(tmp_path / "out", force=False)
     second = claim(tmp_path / "out", force=False)
     first.prepare()
-    with pytest.raises(FolderError, match="another hfsim is writing"):
-        second.prepare()
+    for late in (second.prepare, lambda: claim(tmp_path / "out", force=True)):
+        with pytest.raises(FolderError, match="another hfsim is writing"):
+            late()
     first.release()
     second.prepare()
 
