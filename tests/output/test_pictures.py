@@ -150,9 +150,10 @@ def test_pictures_of_another_format_go_when_their_run_is_replaced(tmp_path):
     assert {file.suffix for file in (tmp_path / "out/plots").iterdir()} == {".png"}
 
 
-def test_nothing_is_printed_where_there_is_no_home(tmp_path):
+def test_nothing_is_printed_where_there_is_no_home_and_nothing_to_show_pictures(tmp_path):
     (tmp_path / "deck.yaml").write_text(DECK)
     nowhere = {"HOME": "/nonexistent", "MPLCONFIGDIR": "/proc/none", "XDG_CACHE_HOME": "/proc/none"}
+    nowhere["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"  # as notebooks do
     words = [sys.executable, "-m", "hfsim", "bench", "deck.yaml", "--methods", "gauss"]
     env = {**os.environ, **nowhere}
     done = subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True)
@@ -165,3 +166,8 @@ def test_the_drawing_library_is_left_as_it_was():
     from matplotlib.lines import Line2D
 
     assert "linewidth" in kwdoc(Line2D)
+    code = "import os, hfsim.output.plots, matplotlib as m; "
+    code += "print(m.rcParams['backend'], os.environ['MPLBACKEND'])"
+    env = {**os.environ, "MPLBACKEND": "svg"}
+    told = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True)
+    assert told.stdout.split() == ["svg", "svg"]

@@ -6,9 +6,33 @@ longer to import and several times as long to draw, serve studies (`figures`) an
 
 from __future__ import annotations
 
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from importlib import import_module
 
-from matplotlib import artist
+
+@contextmanager
+def _whatever_shows() -> Iterator[None]:
+    """Let the library be imported whatever ``MPLBACKEND`` names to show its pictures.
+
+    Nothing shows any here, and notebooks name what may not be installed for all that they start.  Who draws
+    with the library in this process gets what was named.
+    """
+    named = None if "matplotlib" in sys.modules else os.environ.pop("MPLBACKEND", None)
+    try:
+        yield
+    finally:
+        if named is not None:
+            os.environ["MPLBACKEND"] = named
+    if named:
+        with suppress(ValueError):
+            import_module("matplotlib").rcParams["backend"] = named
+
+
+with _whatever_shows():
+    from matplotlib import artist
 
 
 def import_library(name: str) -> None:
