@@ -12,7 +12,6 @@ from solved import parsed, solved
 
 from hfsim.errors import DeckError
 from hfsim.maths.rotations import rotation
-from hfsim.mechanics.pose import Pose
 from hfsim.scene.build import build
 
 CURVES = {"straight": {"length": 1.2}, "arc": {"axis": {"arc": {"radius": 2.0, "angle": 0.6}}}}
@@ -107,14 +106,6 @@ def test_the_model_that_a_motion_needs_is_chosen():
     stiff = rotor(model="auto", gravity=[0.0, 0.0])
     stiff["materials"]["stuff"]["youngs_modulus"] = 2e14
     assert not solved(stiff)[1].statistics["auto"]["switches"]
-
-
-def test_a_rigid_beam_that_cannot_move_is_where_it_was():
-    scene = build(parsed(rotor("arc")))
-    x = scene.system.absolute(scene.q[None])
-    root, tip = (scene.marker(f"b1.{end}").position(x)[0] for end in ("root", "tip"))
-    still = scene.bodies["b1"].folded(Pose.planar(root, scene.start_angles["b1"]))
-    assert still.marker(still.points["tip"]).position(np.zeros((1, 0)))[0] == pytest.approx(tip, abs=1e-14)
 
 
 def test_internal_forces_are_refused_where_there_are_no_strains():

@@ -18,9 +18,7 @@ from hfsim.maths.rotations import lever, spun
 from hfsim.mechanics.body import Body, Load, Place
 from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.markers import Marker
-from hfsim.mechanics.pose import Pose
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.folded import FoldedBody
 from hfsim.parts.bodies.section_blueprint import SectionBlueprint
 from hfsim.parts.bodies.section_mesh import SectionMesh
 
@@ -100,11 +98,6 @@ class RigidSectionBeam(Body):
         return np.asarray(origin + points @ self._frame(x).swapaxes(1, 2))
 
     extent = outline
-
-    def folded(self, pose: Pose) -> FoldedBody:
-        """Return the same body held for ever at a pose."""
-        points = {name: self.reference(place) for name, place in self.points.items()}
-        return FoldedBody(self.name, slice(0, 0), points, pose, self.mass * self.gravity)
 
     def statics(self, x: Array, u: Array, ax: Array, loads: Iterable[Load]) -> Deformation:
         """Return how inertia, weight and loads would deform it: C^-1 N and D^-1 M along the line.

@@ -15,10 +15,8 @@ from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.directions import TANGENT, Perpendicular
 from hfsim.mechanics.force import ConstantForce, ForcePart
-from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.spatial_markers import VectorMarker
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.folded import FoldedBody
 from hfsim.parts.bodies.rigid_line import strained
 
 
@@ -103,10 +101,6 @@ class SpatialRigidBeam(VectorBody):
         """Yield the weight."""
         weights = np.kron(self._mass.sum(axis=1), self.beam.gravity)
         yield ConstantForce(n, self.position_columns.ravel(), weights, item=self.item)
-
-    def folded(self, pose: Pose) -> FoldedBody:
-        """Return the same body held for ever at a pose."""
-        return FoldedBody(self.name, slice(0, 0), self.points, pose, self._mass.sum() * self.beam.gravity)
 
     def statics(self, x: Array, u: Array, ax: Array, loads: Iterable[Load]) -> Deformation:
         """Return stretch and bending by inertia, weight and loads.
