@@ -391,34 +391,36 @@ def test_a_stated_angle_hides_no_other_way_to_close():
 
 
 SCISSORS = """hfsim: 1
-parameters: {l: 0.6}
+parameters: {l: 0.6, n: N}
 bodies:
   slider: {type: rigid, mass: 0.1, inertia: 1.0e-4}
-  a{k=1..3}: {type: rigid, mass: 0.3, inertia: 0.01, points: {lo: ["${-l/2}", 0], hi: ["${l/2}", 0]}}
-  b{k=1..3}: {type: rigid, mass: 0.3, inertia: 0.01, points: {lo: ["${-l/2}", 0], hi: ["${l/2}", 0]}}
+  a{k=1..n}: {type: rigid, mass: 0.3, inertia: 0.01, points: {lo: ["${-l/2}", 0], hi: ["${l/2}", 0]}}
+  b{k=1..n}: {type: rigid, mass: 0.3, inertia: 0.01, points: {lo: ["${-l/2}", 0], hi: ["${l/2}", 0]}}
 joints:
   foot: {type: revolute, between: [ground, a1.lo]}
   rail: {type: prismatic, between: [ground, slider]}
   shoe: {type: revolute, between: [slider, b1.lo]}
-  mid{k=1..3}: {type: revolute, between: ["a{k}", "b{k}"]}
-  right{k=1..2}: {type: revolute, between: ["a{k}.hi", "b{k+1}.lo"]}
-  left{k=1..2}: {type: revolute, between: ["b{k}.hi", "a{k+1}.lo"]}
+  mid{k=1..n}: {type: revolute, between: ["a{k}", "b{k}"]}
+  right{k=1..n-1}: {type: revolute, between: ["a{k}.hi", "b{k+1}.lo"]}
+  left{k=1..n-1}: {type: revolute, between: ["b{k}.hi", "a{k+1}.lo"]}
   drive: {type: driver, between: [ground, slider], position: 0.5}
 initial: {a1: {angle: 35 deg}, b1: {angle: 145 deg}}
 solve: {duration: 1.0}
 """
 
 
-def test_other_ways_to_close_are_told_once_and_with_what_takes_each_and_no_other(tmp_path):
+@pytest.mark.parametrize("pairs", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_other_ways_to_close_are_told_once_and_with_what_takes_each_and_no_other(tmp_path, pairs):
     """Of rough angles, which all ways have alike, it was said that they take each, and ways were told twice."""
-    (tmp_path / "scissors.yaml").write_text(SCISSORS)
+    text = SCISSORS.replace("n: N", f"n: {pairs}")
+    (tmp_path / "scissors.yaml").write_text(text)
     told = call("check", str(tmp_path / "scissors.yaml")).stdout
     ways = [re.findall(r"(\w+) (\S+) deg", way) for way in re.findall(r"or with (.*?): 'initial", told)]
     taking = [re.findall(r"(\w+): {angle: (\S+) deg}", one) for one in re.findall(r"'initial: {(.*)}'", told)]
-    assert len(ways) == len(taking) == 3 and "other ways" not in told
+    assert len(ways) == len(taking) == 2 ** (pairs - 1) - 1 and "other ways" not in told
     for way, angles in zip(ways, taking, strict=True):
         assert set(angles) < set(way) and [set(angles) <= set(one) for one in ways].count(True) == 1
-    found = build(parse_deck(SCISSORS, "deck", [f"initial.{name}.angle={turn} deg" for name, turn in taking[-1]])).assembly
+    found = build(parse_deck(text, "deck", [f"initial.{name}.angle={turn} deg" for name, turn in taking[-1]])).assembly
     closed = [f"{np.degrees(found.poses[name].angle):.4g}" for name, _ in ways[-1]]
     assert closed == [turn for _, turn in ways[-1]]
 
