@@ -134,13 +134,13 @@ talk_options = _gathered(
 """A command gets these as one parameter ``talk``, a `Talk`."""
 
 
-def parse_budget(text: str) -> float:
+def parse_time(text: str) -> float:
     """Return a time in seconds.
 
     Examples
     --------
-    >>> parse_budget("60s"), parse_budget("2 min"), parse_budget("90")
-    (60.0, 120.0, 90.0)
+    >>> parse_time("60s"), parse_time("2 min"), parse_time("0")
+    (60.0, 120.0, 0.0)
 
     Raises
     ------
@@ -148,9 +148,15 @@ def parse_budget(text: str) -> float:
         If it is none.
     """
     found = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(ms|s|min|h)?\s*", text)
-    value = float(found[1]) * _SECONDS[found[2] or "s"] if found else 0.0
-    if value <= 0.0:
+    if not found:
         raise click.BadParameter(f"'{text}' is no time; write e.g. 60s or 2min")
+    return float(found[1]) * _SECONDS[found[2] or "s"]
+
+
+def parse_budget(text: str) -> float:
+    """Return a time in seconds in which something can be done; raise `click.BadParameter` if it is none."""
+    if not (value := parse_time(text)):
+        raise click.BadParameter(f"in {text} nothing can be done; write e.g. 60s or 2min")
     return value
 
 

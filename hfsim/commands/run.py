@@ -19,7 +19,7 @@ from hfsim.commands.options import (
     names,
     not_both,
     output_options,
-    parse_budget,
+    parse_time,
     setting_options,
     talk_options,
     time_option,
@@ -94,7 +94,7 @@ class Settings:
 @click.option(
     "--after",
     metavar="TIME",
-    callback=lambda _, __, text: None if text is None else 0.0 if text == "none" else parse_budget(text),
+    callback=lambda _, __, text: None if text is None else 0.0 if text == "none" else parse_time(text),
     help="Time for estimates, diagnosis and pictures, e.g. 10s, or none; without it as much as the run for "
     "all but pictures, or 2s.",
 )

@@ -94,7 +94,7 @@ def _parts(name: str) -> set[str]:
     return set(re.split("[_/]", name.lower()))
 
 
-def _likely(word: str, known: Collection[str]) -> list[str]:
+def likely(word: str, known: Collection[str]) -> list[str]:
     """Return the known names that a word may mean: that which it misspells, or all that share a part."""
     parts = _parts(word)
     sharing = [name for name in islice(known, COMPARED) if parts & _parts(name)]
@@ -116,8 +116,8 @@ def did_you_mean(word: str, known: Collection[str]) -> str:
     """
     if word == "true" and "on" in known:
         return _ON
-    if likely := [f"'{name}'" for name in _likely(word, known)]:
-        *others, last = likely
+    if close := [f"'{name}'" for name in likely(word, known)]:
+        *others, last = close
         return f"did you mean {', '.join(others)}{' or ' if others else ''}{last}?"
     more = [f"and {len(known) - _LISTED} more"] if len(known) > _LISTED else []
     return f"known: {', '.join([*islice(known, _LISTED), *more])}" if known else ""

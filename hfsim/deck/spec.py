@@ -19,7 +19,7 @@ from pydantic_core.core_schema import (
 
 from hfsim.deck.complaints import REFUSED, Complaint, refusal, refuse_all, refused, shown, wrong_choice
 from hfsim.deck.reader import Path
-from hfsim.deck.source import did_you_mean
+from hfsim.deck.source import did_you_mean, likely
 from hfsim.errors import MOST_PROBLEMS
 
 
@@ -308,7 +308,11 @@ def explained(spec: type[Spec], error: ValidationError) -> list[Complaint]:
         What entries inside it refused is in deck words already.
     """
     items = error.errors(include_url=False)[: MOST_PROBLEMS + 1]
-    return [_explained(spec, item) for item in items if not _counts_good_ones(item)]
+    unknown = [item["loc"] for item in items if item["type"] == "extra_forbidden"]
+    words = [(path, likely(str(word), spec.keys())) for *path, word in unknown]
+    meant = {(*path, *close) for path, close in words if len(close) == 1}
+    told = (item for item in items if item["type"] != "missing" or item["loc"] not in meant)
+    return [_explained(spec, item) for item in told if not _counts_good_ones(item)]
 
 
 def _counts_good_ones(item: ErrorDetails) -> bool:

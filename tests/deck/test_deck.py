@@ -97,6 +97,24 @@ def test_all_keys_that_an_unknown_one_may_mean_are_named(key, meant):
     assert (problem.path, problem.hint) == (f"materials.steel.{key}", f"did you mean {meant}?")
 
 
+@pytest.mark.parametrize(
+    ("key", "slip", "others"),
+    [
+        ("bodies: {", "bodys: {", 0),
+        ("density: 7800", "densty: 7800", 0),
+        ("between: [", "betwen: [", 0),
+        ("duration: 2", "duraton: 2", 0),
+        ("duration: 2", "time: 2", 1),
+        ("density: 7800", "densty: 7800, density: 7800", 0),
+    ],
+)
+def test_a_misspelt_key_is_told_once(key, slip, others):
+    """What it is meant to be was told to be missing too."""
+    assert key in SMALL
+    found = problems(SMALL.replace(key, slip))
+    assert [one.message for one in found] == [*["missing key"] * others, "unknown key"]
+
+
 def test_marks_cover_the_wrong_text():
     for path in BROKEN:
         with pytest.raises(DeckError) as caught:

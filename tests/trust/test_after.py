@@ -409,9 +409,10 @@ def test_fixed_steps_that_fail_at_any_length_are_no_physics_before_free_ones_hav
     assert diagnosis._stays(stop, trial).kind == "physical"
 
 
-def test_nothing_is_done_where_no_time_is_allowed(monkeypatch, tmp_path):
+@pytest.mark.parametrize("none", ["none", "0s"])
+def test_nothing_is_done_where_no_time_is_allowed(monkeypatch, tmp_path, none):
     monkeypatch.chdir(tmp_path)
-    result = call("run", "pendulum", "--after", "none")
+    result = call("run", "pendulum", "--after", none)
     assert result.exit_code == 0, result.stderr
     summary = json.loads(Path("pendulum.out/summary.json").read_text())
     assert summary["error_estimate_reason"] == summary["diagnosis_reason"] == "no time was allowed for it"
@@ -419,9 +420,9 @@ def test_nothing_is_done_where_no_time_is_allowed(monkeypatch, tmp_path):
     assert not Path("pendulum.out/plots").exists()
 
 
-@pytest.mark.parametrize("text", ["nine", "-1s", "0"])
-def test_a_bad_time_is_refused(text):
-    assert call("run", "pendulum", "--after", text).exit_code == 2
+@pytest.mark.parametrize(("option", "text"), [("--after", "nine"), ("--after", "-1s"), ("--budget", "0")])
+def test_a_bad_time_is_refused(option, text):
+    assert call("run", "pendulum", option, text).exit_code == 2
 
 
 def test_progress_covers_all_of_the_work():
