@@ -217,8 +217,9 @@ def _told_ways(
     for k, x in _otherwise(start, place, free):
         parts = (np.where(start.linkage.turning, wrap(one), one) for one in (x, x - place.values))
         turns, off = (start.turns_of(part)[:, 0] for part in parts)  # gears count full ones
-        changed = [k] if abs(off[k]) > APART else []
-        numbers = dict.fromkeys([*changed, *(int(column) // freedoms(start.n_dim) for column in follow)])
+        changed = np.flatnonzero(np.abs(off) > APART).tolist()
+        others = (int(column) // freedoms(start.n_dim) for column in follow)
+        numbers = dict.fromkeys([*([k] if k in changed else []), *others]) or changed
         found.append({start.names[n]: float(turns[n]) for n in numbers})
     return found
 
