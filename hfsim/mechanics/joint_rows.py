@@ -17,7 +17,7 @@ from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.markers import joint_support
 from hfsim.mechanics.products import Product, Products, VectorProducts
 
-MANY = 12
+MANY = 6
 """Equations with axes across sections from which they are evaluated all at once, in large scenes."""
 FEW_DENSE = 100_000
 """Entries up to which dense rows win in large scenes (at 60,000, 7 us against 14; at 300,000, 37 and 17)."""
