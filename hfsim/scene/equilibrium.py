@@ -210,12 +210,12 @@ def _weighted(scene: Assembled, varied: Collection[str] | None, moving: bool) ->
 
 def scaled(scene: Assembled, varied: Collection[str] | None, factor: float) -> System:
     """Return the equations of a scene at rest with all loads that are varied scaled."""
-    forces = tuple(map(_standing, scene.system.forces))
+    system = standing(scene.system)
     if factor == 1.0:
-        return replace(scene.system, forces=forces)
+        return system
     heavy = varied is None or GRAVITY in varied
     found: list[ForcePart] = []
-    for part in forces:
+    for part in system.forces:
         name, own = _load(part), part
         if name and (varied is None or name in varied):
             if isinstance(part, Tie):
@@ -230,7 +230,7 @@ def scaled(scene: Assembled, varied: Collection[str] | None, factor: float) -> S
             light: Any = part
             own = replace(light, gravity=tuple(factor * one for one in light.gravity))
         found.append(own)
-    return replace(scene.system, forces=tuple(found))
+    return replace(system, forces=tuple(found))
 
 
 def loads_of(scene: Assembled) -> list[str]:

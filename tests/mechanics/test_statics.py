@@ -594,7 +594,7 @@ joints:
   pin: {type: revolute, between: [ground, arm.eye]}
   turn: {type: driver, between: [ground, arm], angle: {type: constant_rate, rate: 0.5}}
 solve: {duration: 4.0}
-output: {channels: [arm.x, arm.y, turn.moment]}
+output: {channels: [arm.x, arm.y, turn.moment, turn.power]}
 """
 
 
@@ -604,6 +604,7 @@ def test_drivers_stand_where_they_are_at_the_time():
     run = run_static(parse_deck(DRIVEN), 2.0)
     assert run["arm.x"] == pytest.approx(np.cos(1.0)) and run["arm.y"] == pytest.approx(np.sin(1.0))
     assert run["turn.moment"] == pytest.approx(2.0 * 9.81 * np.cos(1.0), rel=1e-12)
+    assert run["turn.power"] == 0.0
 
 
 @pytest.mark.parametrize("spin", [0.0, 3.0])
