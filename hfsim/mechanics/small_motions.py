@@ -21,6 +21,7 @@ from hfsim.maths.arrays import Array, random_signs
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
 from hfsim.maths.pencils import Pencil
+from hfsim.mechanics.orthonormal import Orthonormal
 from hfsim.mechanics.system import System
 from hfsim.mechanics.turning import Turning
 
@@ -112,7 +113,9 @@ def small_motions(
     rounding = 0.0 * abs(reduction.reduced(K))
     for one, own in zip(beside, others, strict=True):
         rounding = rounding + abs(reduction.reduced(stiffness(system, time, one[None], u, a, own[None]) - K))
-    rounding = rounding + rounding_of_joints(system, x, multipliers)
+    forces, still = blurs_of_forces(system, x, multipliers, system.force(time, x, u)), 0.0 * others
+    blurs = equations.constrained(np.repeat(x, _SAMPLES, axis=0), forces, still)[1]
+    rounding = rounding + rounding_of_joints(system, x, multipliers, blurs)
     D = resistance(system, time, x, u)
     damped = bool(abs(D).sum() > 0.0)
     M = equations.mass_at(x)
@@ -151,16 +154,43 @@ def stiffness(system: System, t: Array, x: Array, u: Array, a: Array, multiplier
     return assemble(parts, shape, sparse) + 0.5 * (conserving + conserving.T)
 
 
-def rounding_of_joints(system: System, x: Array, multipliers: Array) -> Matrix:
+def blurs_of_forces(system: System, x: Array, multipliers: Array, force: Array) -> Array:
+    """Return what the last digits of forces and joint forces are in a state, on free coordinates, (k, n).
+
+    What they do to multipliers may be all that these are, as in a rod between two joints, where the forces at
+    its ends balance one another.
+
+    Parameters
+    ----------
+    x, force : ndarray, shape (1, n_x)
+    multipliers : ndarray, shape (1, n_rows)
+    """
+    equations = system.equations
+    sizes = np.abs(force) + np.abs(multipliers) @ abs(equations.phi.jacobian_at(x))
+    for one in equations.constraints:
+        if isinstance(one, Orthonormal):  # as if seen from other axes, in which all of them bear some
+            sizes[:, one.axis_columns] = sizes[:, one.axis_columns].max()
+    return np.asarray(_EXACT * random_signs((_SAMPLES, equations.n)) * (sizes @ abs(system.reduction.basis)))
+
+
+def rounding_of_joints(system: System, x: Array, multipliers: Array, blurs: Array) -> Matrix:
     """Return what rounding leaves of the stiffness of joint forces that cancel out, in free coordinates.
 
     Shape (n, n); of what is balanced on an axle nothing else is there.
+
+    Parameters
+    ----------
+    x : ndarray, shape (1, n_x)
+    multipliers : ndarray, shape (1, n_rows)
+    blurs : ndarray, shape (k, n_rows)
+        What rounding of forces does to these.
     """
-    parts = system.equations.phi.stiffness(x, multipliers) if system.equations.constraints else []
+    phi, basis = system.equations.phi, abs(system.reduction.basis)
+    every = (*(_EXACT * multipliers), *blurs) if system.equations.constraints else ()
+    parts = [part for one in every for part in phi.stiffness(x, one[None])]
     sizes = [one._replace(values=np.abs(one.values)) for one in parts]
-    basis = abs(system.reduction.basis)
     whole = assemble(sizes, (system.n_x, system.n_x), is_sparse(system.equations.constant_mass))
-    return _EXACT * (basis.T @ (whole @ basis))
+    return basis.T @ (whole @ basis)
 
 
 def resistance(system: System, t: Array, x: Array, u: Array) -> Matrix:

@@ -17,6 +17,7 @@ from hfsim.maths.differences import fine_derivative
 from hfsim.mechanics.statics.newton import Effort
 from hfsim.mechanics.statics.problem import Problem, State, Tangent
 from hfsim.mechanics.statics.relaxation import ENDLESS, relaxed
+from hfsim.mechanics.statics.stability import neutral
 from hfsim.mechanics.turning import Turning
 from hfsim.scene.build import build
 from hfsim.scene.equilibrium import (
@@ -1157,3 +1158,30 @@ def test_only_the_first_motion_that_becomes_unstable_is_located():
     assert not found.reason and not found.stable and len(found.values[found.values < 0.0]) > 2
     assert 0.0 <= found.crossed < 1e-4
     assert found.effort.steps < 40
+
+
+ROD = """hfsim: 1
+gravity: [0, 0, -9.81]
+ground: {{points: {{b: {end}}}}}
+bodies:
+  rod:
+    type: rigid
+    mass: 0.05
+    inertia: [1.0e-6, 1.5e-3, 1.5e-3]
+    points: {{a: [-{half}, 0, 0], b: [{half}, 0, 0]}}
+joints:
+  one: {{type: spherical, between: [ground, rod.a]}}
+  other: {{type: spherical, between: [rod.b, ground.b]}}
+initial: {{rod: {{orientation: {{x: {end}, y: {across}}}}}}}
+solve: {{duration: 1}}
+"""
+
+
+@pytest.mark.parametrize("end", [[0.519, 0.377, -0.28], [-0.531, -0.395, -0.229], [0.539, 0.056, -0.443]])
+def test_a_rod_between_two_balls_is_free_about_its_line(end):
+    """What its axes keep of forces at both ends that cancel out is rounding, and no stiffness."""
+    half, across = 0.5 * float(np.linalg.norm(end)), np.cross(end, [0.0, 0.0, 1.0]).tolist()
+    scene = build(parse_deck(ROD.format(end=end, half=half, across=across)))
+    found = equilibrium_of(scene, problem_of(scene))
+    assert len(found.neutral) == 1 and not len(found.values)
+    assert len(neutral(problem_of(scene), found.state, 1.0, rigid_motions(scene, scene.q[None]))) == 1

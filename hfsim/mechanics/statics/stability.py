@@ -12,8 +12,8 @@ from hfsim.maths.matrices import Matrix, assemble, dense, is_sparse, skewness
 from hfsim.maths.pencils import EPS, Pencil
 from hfsim.maths.rank import null_space
 from hfsim.maths.squares import slowest_squares
-from hfsim.mechanics.small_motions import BY_DIFFERENCES, rounding_of_joints
-from hfsim.mechanics.statics.problem import Level, Problem, State
+from hfsim.mechanics.small_motions import BY_DIFFERENCES, blurs_of_forces, rounding_of_joints
+from hfsim.mechanics.statics.problem import Level, Problem, State, Tangent
 
 NONE = 1e-12
 """Stiffness along a motion, relative to all that adds up to it, that is rounding."""
@@ -116,7 +116,8 @@ def neutral(problem: Problem, state: State, load: float, rigid: Array) -> Array:
         from scipy.sparse import csr_array
 
         every = csr_array(motions)
-    size = dense(abs(every) @ (abs(K) @ abs(every).T))
+    adding = abs(K) + _rounding_of_joints(problem, state, load) / EPS
+    size = dense(abs(every) @ (adding @ abs(every).T))
     alone, mixed = _unresisted(dense(every @ (K @ every.T)), size)
     return np.vstack([motions[alone], mixed @ motions[~alone]])
 
@@ -180,12 +181,26 @@ def lowest(problem: Problem, state: State, load: float) -> tuple[Array, Array]:
     else:
         beside = here._replace(z=here.z * (1.0 + EPS * random_signs(here.z.shape)))
         blur = abs(_symmetric(problem.tangent(beside, load).stiffness, False) - K)
-        blur = blur + rounding_of_joints(system, problem.expand(here.z), here.multipliers)
+        blur = blur + _rounding_of_joints(problem, here, load)
     pencil = Pencil(M, 0.0 * M, K, J, precision, 0.0, blur)
     resisting = None if is_symmetric(K, bool(system.variable_mass)) else _resistance(problem, here, load)
     values, motions = _resisted(pencil, resisting)
     order = np.argsort(values)
     return values[order], motions.T[order]
+
+
+def _rounding_of_joints(problem: Problem, state: State, load: float) -> Matrix:
+    """Return what rounding leaves of the stiffness of joint forces, (n, n)."""
+    system, x = problem.system, problem.expand(state.z)
+    blurs: Array = np.zeros((0, system.n_rows))
+    if not system.equations.phi.constant:  # else multipliers make no stiffness
+        forces = blurs_of_forces(system, x, state.multipliers, problem.force(x, load))
+        try:
+            still = np.zeros((len(forces), system.n_rows))
+            blurs = Tangent(problem.metric, problem.jacobian(state)).solved(forces, still)[1]
+        except np.linalg.LinAlgError:  # what joints hold more than once has no multipliers of its own
+            pass
+    return rounding_of_joints(system, x, state.multipliers, blurs)
 
 
 def _resisted(pencil: Pencil, resisting: Matrix | None) -> tuple[Array, Array]:
