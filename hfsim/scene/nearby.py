@@ -11,7 +11,7 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import is_sparse
 from hfsim.mechanics.statics.equilibrium import STAYED
 from hfsim.mechanics.statics.newton import HOLD, Effort, stepped
-from hfsim.mechanics.statics.problem import Problem
+from hfsim.mechanics.statics.problem import Problem, State
 from hfsim.mechanics.statics.stability import are_pushed, neutral
 from hfsim.mechanics.turning import Turning
 from hfsim.scene.equilibrium import equilibrium_of, problem_of, rigid_motions, standing, why_not
@@ -35,22 +35,47 @@ def nearby(scene: Assembled, t: float, x: Array, turning: Turning, moving: bool 
     _, multipliers = system.equations.solve(time, place, u, system.force(time, place, u))
     start = problem.start._replace(multipliers=multipliers)
     problem = replace(problem, start=start, turning=turning)
-    free = neutral(problem, start, 1.0, rigid_motions(scene, place))
-    for way in _ways(problem, free):
-        share, state = stepped(way, Effort())
-        if share == 1.0 and not (way.free is not None and are_pushed(problem, state, free)):
-            return np.asarray(problem.expand(state.z)[0])
+    for way in _ways(problem, _free(scene, problem, start)):
+        found = _found(scene, problem, way)
+        if found is not None:
+            return np.asarray(problem.expand(found.z)[0])
     return None
+
+
+def _free(scene: Assembled, problem: Problem, state: State) -> Array:
+    """Return the motions (k, n) that nothing resists in a state."""
+    return neutral(problem, state, 1.0, rigid_motions(scene, problem.expand(state.z)))
+
+
+def _found(scene: Assembled, problem: Problem, way: Problem) -> State | None:
+    """Return the state that a way leads to; None without, or where something free goes on from there.
+
+    What nothing resists at the start may have a weight where all else has bent: then it is let go there, and
+    comes to rest by that.
+    """
+    share, state = stepped(way, Effort())
+    while share == 1.0 and way.free is not None and are_pushed(problem, state, way.free):
+        free = _free(scene, problem, state)
+        if len(free) >= len(way.free):
+            return None
+        way = _held(problem.starting(state), free)
+        share, state = stepped(way, Effort())
+    return state if share == 1.0 else None
+
+
+def _held(problem: Problem, free: Array) -> Problem:
+    """Return a problem in which free motions (k, n) are held, and what only inertia may bring back."""
+    turning = problem.turning is not None and problem.turning.rate
+    # rounding of large forces would lead far along them
+    return replace(problem, hold=HOLD if turning or len(free) else 0.0, free=free if len(free) else None)
 
 
 def _ways(problem: Problem, free: Array) -> Iterator[Problem]:
     """Yield how the search may hold what nothing brings back, among this free motions (k, n) of the start."""
-    turning = problem.turning is not None and problem.turning.rate
     if len(free) and not are_pushed(problem, problem.start, free):
-        # rounding of large forces would lead far along them
-        yield replace(problem, hold=HOLD, free=free)
+        yield _held(problem, free)
     # what holds nothing bends corrections of fine meshes: these are soft beside their stiffest parts
-    for hold in (HOLD,) if turning or len(free) else (0.0, HOLD):
+    for hold in sorted({_held(problem, free).hold, HOLD}):
         yield replace(problem, hold=hold)
 
 

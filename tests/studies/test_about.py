@@ -6,7 +6,7 @@ from click.testing import CliRunner
 
 import hfsim
 from hfsim.cli import app
-from hfsim.mechanics.statics.newton import stepped
+from hfsim.mechanics.statics.newton import HOLD, stepped
 from hfsim.scene import nearby
 from hfsim.scene.build import build
 from hfsim.scene.equilibrium import equilibrium_of, problem_of
@@ -104,9 +104,31 @@ solve: {duration: 0.1}
 """
 
 
-def test_nothing_holds_back_what_is_held_already_on_the_way_to_rest(monkeypatch):
-    """Of fine meshes the stiffest are so stiff that a hold of 1e-11 of these bent all corrections."""
-    scene, efforts = build(parse_deck(FINE, "fine.yaml")), []
+ROTOR = """
+hfsim: 1
+gravity: [0.0, -9.81]
+materials: {grp: {density: 1800.0, youngs_modulus: 3.0e10}}
+sections: {blade: {shape: rectangle, width: 0.1, height: 0.01}}
+bodies:
+  hub: {type: rigid, mass: 1.0, inertia: 0.01}
+  left: {type: beam, material: grp, section: blade, length: 1.0, elements: 2}
+  right: {type: beam, material: grp, section: blade, length: 1.0, elements: 2}
+joints:
+  axle: {type: revolute, between: [ground, hub]}
+  one: {type: fixed, between: [hub, right.root]}
+  other: {type: fixed, between: [hub, left.root], angle: "180 deg"}
+initial: {hub: {angle: 0.03}}
+solve: {duration: 0.1}
+"""
+
+
+@pytest.mark.parametrize(("text", "holds"), [(FINE, [0.0]), (ROTOR, [HOLD, 0.0])])
+def test_nothing_holds_back_what_is_held_already_on_the_way_to_rest(monkeypatch, text, holds):
+    """Of fine meshes the stiffest are so stiff that a hold of 1e-11 of these bent all corrections.
+
+    What blades weigh in that they bend is as soft: in a straight rotor nothing does.
+    """
+    scene, efforts = build(parse_deck(text, "deck.yaml")), []
 
     def noted(problem, effort, *others):
         efforts.append((problem.hold, effort))
@@ -114,7 +136,7 @@ def test_nothing_holds_back_what_is_held_already_on_the_way_to_rest(monkeypatch)
 
     monkeypatch.setattr(nearby, "stepped", noted)
     x = nearby.resting(scene)
-    ((hold, effort),) = efforts
-    assert hold == 0.0 and effort.iterations < 10
+    assert [hold for hold, _ in efforts] == holds
+    assert sum(effort.iterations for _, effort in efforts) < 20
     state = equilibrium_of(scene, problem_of(scene)).state
-    assert np.abs(x - scene.system.reduction.expand(state.z)[0]).max() < 1e-10
+    assert np.abs(x - scene.system.reduction.expand(state.z)[0]).max() < 1e-9
