@@ -275,6 +275,8 @@ def test_bodies_that_turn_differently_are_told_as_such():
     at_rest = parse_deck(tower(2).replace("[2.0, 0, 0]", "[0, 0, 0]"))
     with pytest.raises(hfsim.HfsimError, match="nothing turns at the start: give bodies rates"):
         hfsim.modes(at_rest, about="steady")
+    with pytest.raises(hfsim.HfsimError, match="not everything can turn with it: joints hold tower"):
+        hfsim.campbell(at_rest, [0.0, 1.0], body="rotor")
 
 
 GUIDED = """hfsim: 1

@@ -13,6 +13,7 @@ from hfsim.maths.arrays import Array
 from hfsim.mechanics.small_motions import small_motions
 from hfsim.mechanics.statics.equilibrium import STAYED
 from hfsim.mechanics.turning import Turning
+from hfsim.scene.assembly import few_of
 from hfsim.scene.build import Scene, build
 from hfsim.scene.equilibrium import standing
 from hfsim.scene.gauging import gauge_of
@@ -94,7 +95,7 @@ def seen_from(start: About, body: str) -> About:
         bodies = list(scene.bodies.values())
         turning = Turning.held_by_joints(bodies, scene.system.equations, start.motions.x)
     if turning is None:
-        raise ModesError(f"'{body}' does not turn at the start, nor do the joints leave one axis")
+        raise ModesError(f"'{body}' does not turn at the start, {_no_axis_of_all(scene)}")
     return replace(start, motions=replace(start.motions, turning=turning))
 
 
@@ -121,6 +122,18 @@ def _no_one_axis(start: About, remedy: str) -> ModesError:
         return ModesError(f"bodies turn differently at the start, or none does, though they move: {remedy}")
     told = "give bodies rates with initial, such as angular_velocity"
     return ModesError(f"nothing turns at the start: {told}, or {remedy}")
+
+
+def _no_axis_of_all(scene: Scene) -> str:
+    """Return in words why joints leave no axis about which everything could turn as one."""
+    moving = {name for one in scene.free_motions or () for name in (one.body, *one.takes_along)}
+    held = [name for name, body in scene.bodies.items() if not body.still and name not in moving]
+    if not moving or not held:
+        return "nor do the joints leave one axis about which everything turns"
+    return (
+        f"and not everything can turn with it: joints hold {few_of(held)}; give it a rate with initial if it "
+        "is round, as only such bodies turn steadily beside others, or see with --period what grows"
+    )
 
 
 def _resting(scene: Scene) -> About:
