@@ -96,6 +96,8 @@ def _taking(branch: Mapping[str, Any], others: Sequence[Mapping[str, Any]]) -> s
         free = (one for one in branch if one not in chosen)
         sizes = {one: (sum(off(one, way) > APART for way in left), off(one, others[0])) for one in free}
         body = max(sizes, key=sizes.__getitem__)
+        if chosen and not sizes[body][0]:
+            break
         chosen, left = [*chosen, body], [way for way in left if off(body, way) <= APART]
     angles = (f"{body}: {{angle: {math.degrees(branch[body]):.4g} deg}}" for body in chosen)
     return f"'initial: {{{', '.join(angles)}}}'"

@@ -21,10 +21,13 @@ MANY = 4
 
 def knotted(parts: tuple[ForcePart, ...], n: int) -> tuple[ForcePart, ...]:
     """Return the parts of a scene with n coordinates, with a `Net` for the distances that can be in one."""
-    ties = tuple(part for part in parts if isinstance(part, DistanceTie) and _suits(part))
-    if len(ties) < MANY:
-        return parts
-    return (*(part for part in parts if part not in ties), Net(ties, n))
+    ties, others = list[DistanceTie](), list[ForcePart]()
+    for part in parts:
+        if isinstance(part, DistanceTie) and _suits(part):
+            ties.append(part)
+        else:
+            others.append(part)
+    return parts if len(ties) < MANY else (*others, Net(tuple(ties), n))
 
 
 def _suits(tie: DistanceTie) -> bool:
@@ -129,11 +132,12 @@ class Net(PointPart):
         """Return distances (n_batch, n_ties) and directions (..., n_dim), as `DistanceTie` has them."""
         gaps = self._gaps(x) + self._offset
         distance = np.sqrt(np.sum(gaps * gaps, axis=-1))
-        met = distance <= self._together
+        met = distance <= self._meeting
         return np.where(met, 0.0, distance), gaps / np.where(met, np.inf, distance)[..., None]
 
     @cached_property
-    def _together(self) -> Array:
+    def _meeting(self) -> Array:
+        """Distances up to which points are in one place, (n_ties,)."""
         return np.array([tie.together for tie in self.ties])
 
     def _rates(self, directions: Array, u: Array) -> Array:

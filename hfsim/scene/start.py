@@ -203,18 +203,26 @@ def _branches(
     for one in link.search(starts, free):
         if all(link.apart(one, way) > APART for way in ways):
             ways.append(_near(link, one, begin))
-    others = _told_ways(start, place, ~place.stated, moved)
-    if not len(moved) or (guessed and others):
-        return others
-    return [*(_turned(start, way, moved) for way in ways[1:]), *others]
+    own = ways[1:] if len(moved) and not guessed else []
+    others = _told_ways(start, place, ~place.stated, moved, own)
+    if len(moved) and not others:
+        own = ways[1:]
+    return [*(_turned(start, way, moved) for way in own), *others]
 
 
 def _told_ways(
-    start: Start, place: Stated, free: BoolArray, follow: Sequence[int] | IntArray = ()
+    start: Start,
+    place: Stated,
+    free: BoolArray,
+    follow: Sequence[int] | IntArray = (),
+    known: Sequence[Array] = (),
 ) -> list[dict[str, Turn]]:
-    """Return the angle of the body to be stated otherwise, if one is, then those that follow, in each way."""
+    """Return the angle of the body to be stated otherwise, if one is, then those that follow, in each way.
+
+    Those known are left out.
+    """
     found: list[dict[str, Turn]] = []
-    for k, x in _otherwise(start, place, free):
+    for k, x in _otherwise(start, place, free, known):
         parts = (np.where(start.linkage.turning, wrap(one), one) for one in (x, x - place.values))
         turns, off = (start.turns_of(part)[:, 0] for part in parts)  # gears count full ones
         changed = np.flatnonzero(np.abs(off) > APART).tolist()
@@ -224,13 +232,17 @@ def _told_ways(
     return found
 
 
-def _otherwise(start: Start, place: Stated, free: BoolArray) -> Iterator[tuple[int, Array]]:
-    """Yield the other ways in which planar loops close with one angle stated otherwise, and of which body."""
+def _otherwise(
+    start: Start, place: Stated, free: BoolArray, known: Sequence[Array]
+) -> Iterator[tuple[int, Array]]:
+    """Yield the ways, beside those known, in which planar loops close with one angle stated otherwise, and of
+    which body.
+    """
     link, x = start.linkage, place.values
     if start.n_dim != 2 or len(start.names) > MOST_STATED:
         return
     turns = (place.stated & ~place.exact & link.turns).reshape(len(start.names), -1)
-    ways = [x]
+    ways = [x, *known]
     for k in np.flatnonzero(turns.any(axis=1)):
         mine = np.zeros(turns.shape, dtype=bool)
         mine[k] = turns[k]

@@ -425,6 +425,24 @@ def test_other_ways_to_close_are_told_once_and_with_what_takes_each_and_no_other
     assert closed == [turn for _, turn in ways[-1]]
 
 
+def test_an_angle_that_joints_hold_anyway_repeats_no_way_to_close():
+    loaded = parse_deck("""hfsim: 1
+bodies:
+  crank: {type: rigid, mass: 1.0, inertia: 0.1, points: {end: [0.3, 0.0]}}
+  rod: {type: rigid, mass: 1.0, inertia: 0.1, points: {a: [-0.5, 0.0], b: [0.5, 0.0]}}
+  block: {type: rigid, mass: 1.0, inertia: 0.1}
+joints:
+  axle: {type: revolute, between: [ground, crank]}
+  pin: {type: revolute, between: [crank.end, rod.a]}
+  wrist: {type: revolute, between: [rod.b, block]}
+  guide: {type: prismatic, between: [ground, block], axis: [1, 0]}
+initial: {crank: {angle: 40 deg}, block: {angle: 0.0}}
+solve: {duration: 0.1}
+""")
+    (way,) = build(loaded).assembly.branches()
+    assert way == {"rod": pytest.approx(np.arcsin(0.3 * np.sin(np.radians(40.0))) - np.pi, abs=1e-9)}
+
+
 SLACK = """
 hfsim: 1
 gravity: {gravity}

@@ -73,7 +73,7 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
         If there is none, or it is not found.
     """
     metric, level, strides = problem.metric, Level(load), Strides(problem)
-    touches = any(isinstance(one.part, Tie) and not one.part.holds_together for one in problem.forces)
+    touches = any(isinstance(one, Tie) and not one.holds_together for one in problem.system.forces)
     place, first, stayed = state.z, np.inf, 0
     step, multipliers = _first(problem, state, level, metric)
     if multipliers is not None:
