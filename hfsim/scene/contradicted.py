@@ -68,7 +68,7 @@ def cannot_close(start: Start, place: Stated, joint: Constraint, size: float, ga
         told = f"{left}, whatever the angles"
         told = told if size >= CLOSED else "only with axes turned over that it is to hold the same way"
         message = f"cannot be closed: {told}"
-        hint = "make a link longer, move a point, or let a driver start elsewhere"
+        hint = "make a link longer or shorter, move a point, or let a driver start elsewhere"
         if posed := start.posed(gaps):
             message = f"cannot be closed with what is stated of joints: {left}"
             return start.refuse(joint.item, message, f"correct or leave out {posed}")
