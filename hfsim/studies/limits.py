@@ -14,7 +14,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -80,12 +80,14 @@ def theory(method: str, order: int | None = None) -> Theory:
     growth = amplification(y, order)
     if growth.max() <= _SEEN:
         return Theory(None, named + said.words)
-    begin, edge = (_first(amplification, order, y, level) for level in (_FEEDS, _SEEN))
+    first = partial(_first, lambda at: amplification(at, order), y, growth)
+    edge = first(_SEEN)
     last, worst = np.nonzero(growth > _FEEDS)[0][-1], int(growth.argmax())
-    where = f"from wh = {begin:.4g} on"
     if last < len(y) - 1:
         most = f"{growth[worst]:.3g} a step at wh = {y[worst]:.3g}"
         where = f"for every wh up to {y[last]:.3g}, by a factor of {most}"
+    else:
+        where = f"from wh = {first(_FEEDS):.4g} on"
     seen = f"{BLOWN:g}-fold energy in {STEPS} steps at wh = {edge:.4g}"
     return Theory(edge / (2 * np.pi), f"{named}undamped modes grow {where}; {seen}")
 
@@ -96,13 +98,13 @@ _FEEDS = 1.0 + 1e-9
 """That from which a mode grows at all, and not by rounding."""
 
 
-def _first(growth: Callable[..., Array], order: int | None, y: Array, level: float) -> float:
-    """Return from which w h on, to rounding, a mode grows by more than a level a step; ``y`` is searched."""
-    beyond = int((growth(y, order) > level).argmax())
+def _first(amplification: Callable[[Array], Array], y: Array, growth: Array, level: float) -> float:
+    """Return from which w h on, to 1e-10, a mode grows by more than a level a step, by the growth at some."""
+    beyond = int((growth > level).argmax())
     low, high = y[beyond - 1], y[beyond]
-    for _ in range(60):
+    for _ in range(28):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if growth(np.array([middle]), order)[0] > level else (middle, high)
+        low, high = (low, middle) if amplification(np.array([middle]))[0] > level else (middle, high)
     return float(low)
 
 
