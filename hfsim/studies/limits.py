@@ -81,12 +81,10 @@ def theory(method: str, order: int | None = None) -> Theory:
     if growth.max() <= _SEEN:
         return Theory(None, named + said.words)
     first = partial(_first, lambda at: amplification(at, order), y, growth)
-    edge = first(_SEEN)
-    last, worst = np.nonzero(growth > _FEEDS)[0][-1], int(growth.argmax())
-    if last < len(y) - 1:
-        most = f"{growth[worst]:.3g} a step at wh = {y[worst]:.3g}"
-        where = f"for every wh up to {y[last]:.3g}, by a factor of {most}"
-    else:
+    last, worst, edge = np.nonzero(growth > _FEEDS)[0][-1], int(growth.argmax()), first(_SEEN)
+    most = f"{growth[worst]:.3g} a step at wh = {y[worst]:.3g}"
+    where = f"for every wh up to {y[last]:.3g}, by a factor of {most}"
+    if last == len(y) - 1:
         where = f"from wh = {first(_FEEDS):.4g} on"
     seen = f"{BLOWN:g}-fold energy in {STEPS} steps at wh = {edge:.4g}"
     return Theory(edge / (2 * np.pi), f"{named}undamped modes grow {where}; {seen}")
