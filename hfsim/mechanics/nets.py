@@ -13,7 +13,7 @@ from hfsim.maths.matrices import NOTHING, Entries, Matrix, assemble, is_sparse
 from hfsim.maths.traced import changeable, product
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.resistances import LinearSpring, Resistance
-from hfsim.mechanics.ties import DistanceTie, PointPart
+from hfsim.mechanics.ties import DistanceTie
 
 MANY = 4
 """Distances from which one call for all takes less time."""
@@ -48,7 +48,7 @@ class _Pairs(NamedTuple):
 
 
 @frozen
-class Net(PointPart):
+class Net(ForcePart):
     """Resistances on the distances of many pairs of points, whose places are linear in the coordinates.
 
     Attributes

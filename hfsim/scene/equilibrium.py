@@ -15,7 +15,6 @@ from hfsim.maths.rank import others_than
 from hfsim.maths.rotations import wrap
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.force import ConstantForce, ForcePart
-from hfsim.mechanics.nets import knotted
 from hfsim.mechanics.point_loads import Load
 from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.resistances import Push
@@ -194,8 +193,7 @@ def standing(system: System, moving: bool = False) -> System:
 def _weighted(scene: Assembled, varied: Collection[str] | None, moving: bool) -> Iterator[Weighted]:
     """Yield all forces with their factors."""
     heavy = varied is None or GRAVITY in varied
-    forces = scene.system.forces if moving else tuple(map(_standing, scene.system.forces))
-    for part in knotted(forces, scene.system.n_x):
+    for part in standing(scene.system, moving).together:
         name = _load(part)
         if (name and (varied is None or name in varied)) or (heavy and isinstance(part, ConstantForce)):
             yield Weighted(part, 0.0, 1.0)
