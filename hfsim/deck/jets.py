@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import reduce
-from itertools import islice
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -19,8 +18,9 @@ Operation: TypeAlias = "Callable[[Jet, Jet], Jet]"
 
 def composed(rule: Rule, u: Sequence[Any]) -> list[Any]:
     """Return the jet of a function, whose derivatives a rule gives, of a jet."""
-    g = list(islice(rule(u[0]), len(u)))
-    found = [g[0]]
+    y = rule[0](u[0])
+    g = [y, *(derivative(u[0], y) for derivative in rule[1 : len(u)])]
+    found = [y]
     if len(u) > 1:
         found.append(_product(g[1], u[1]))
     if len(u) > 2:
