@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hfsim.commands import interrupted
-from hfsim.commands.decks import assemble, load_numbered, without_blind_channels
+from hfsim.commands.decks import loader
 from hfsim.commands.options import (
     as_usage,
     names,
@@ -121,15 +121,17 @@ def bench(
     _refuse_given({"--element": element, "--states": states}, "goes with --separation only")
     if deck is None:
         raise click.UsageError("Missing argument 'DECK' (or --separation)")
-    overrides = (*overrides, *without_blind_channels(deck, overrides, models, talk))
-    loaded = load_numbered(deck, overrides, talk)
-    assemble(loaded)
+    from hfsim.output.api import seeing
     from hfsim.output.writers import Provenance
+    from hfsim.simulate import check
     from hfsim.studies.bench import Sweep
 
+    seen = seeing(loader(deck, overrides, talk)(()), models, talk.note)
+    loaded = seen.with_numbers(talk.note)
+    check(loaded)
     with as_usage():
         sweep = Sweep(methods, models, tolerances, steps, elements, degrees, repeats).completed(loaded)
-    about = Provenance.of(loaded, deck, overrides).facts()
+    about = Provenance.of(loaded, deck, seen.overrides).facts()
     study = Study.claim("bench", to, loaded.deck.name, talk, about)
     raise click.exceptions.Exit(do_bench(loaded, sweep, workers, budget, started, study))
 

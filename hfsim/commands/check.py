@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from hfsim.commands import import_libraries, report_error, worst
-from hfsim.commands.decks import load_numbered, without_unread_channels
+from hfsim.commands.decks import load_numbered
 from hfsim.commands.options import setting_options, talk_options
 from hfsim.errors import HfsimError
 from hfsim.output.talk import Talk
@@ -43,10 +43,10 @@ def check(decks: tuple[str, ...], overrides: tuple[str, ...], talk: Talk) -> Non
 
 
 def _check_one(argument: str, overrides: tuple[str, ...], talk: Talk) -> int:
-    from hfsim.output.api import checked
+    from hfsim.output.api import checked, readable
 
     try:
-        loaded = without_unread_channels(load_numbered(argument, overrides, talk), talk)
+        loaded = readable(load_numbered(argument, overrides, talk), talk.note)
         facts = checked(loaded)
     except HfsimError as error:
         code = report_error(error)

@@ -12,6 +12,7 @@ import click
 
 from hfsim.commands import report_error, worst
 from hfsim.errors import HfsimError
+from hfsim.marching.stop import nobody
 from hfsim.output.talk import Talk
 
 if TYPE_CHECKING:
@@ -35,7 +36,10 @@ def find_deck(argument: str, talk: Talk) -> Path:
 
 
 def load_decks(
-    arguments: Sequence[str], overrides: Sequence[str], talk: Talk, finish: Callable[[LoadedDeck], object]
+    arguments: Sequence[str],
+    overrides: Sequence[str],
+    talk: Talk,
+    finish: Callable[[LoadedDeck], object] = nobody,
 ) -> list[LoadedDeck]:
     """Load every deck before anything is done with any, and report the problems of all.
 
@@ -60,10 +64,12 @@ def load_decks(
     click.exceptions.Exit
         With code 2 if any deck is bad; its problems have been printed then.
     """
+    from hfsim.output.api import readable
+
     loaded, codes = [], []
     for argument in arguments:
         try:
-            deck = without_unread_channels(loader(argument, overrides, talk)(()), talk)
+            deck = readable(loader(argument, overrides, talk)(()), talk.note)
             finish(deck)
             loaded.append(deck)
         except HfsimError as error:
@@ -71,23 +77,6 @@ def load_decks(
     if codes:
         raise click.exceptions.Exit(worst(codes))
     return loaded
-
-
-def _warn(loaded: LoadedDeck, talk: Talk) -> None:
-    talk.notes(loaded.deck.name, loaded.warnings)
-
-
-def assemble(loaded: LoadedDeck) -> None:
-    """Build a deck's scene and throw it away, to find what only then shows.
-
-    Raises
-    ------
-    DeckError
-        If it cannot be built.
-    """
-    from hfsim.simulate import check
-
-    check(loaded)
 
 
 def loader(argument: str, overrides: Sequence[str], talk: Talk) -> Callable[[Sequence[str]], LoadedDeck]:
@@ -110,7 +99,7 @@ def loader(argument: str, overrides: Sequence[str], talk: Talk) -> Callable[[Seq
 
             text, file = (_piped(path), str(path)) if path else (_standard_input(sys.stdin), "stdin")
             loaded = parse_deck(text, file, settings)
-        _warn(loaded, talk)
+        talk.notes(loaded.deck.name, loaded.warnings)
         return loaded
 
     return load
@@ -132,34 +121,6 @@ def _standard_input(stream: TextIO) -> bytes:
     return stream.buffer.read(MOST_BYTES)
 
 
-def usual_models(argument: str, overrides: Sequence[str], talk: Talk) -> tuple[str, ...]:
-    """Return the models a study takes where none is named; see `hfsim.studies.compare.usual_models`."""
-    from hfsim.studies.compare import usual_models
-
-    return usual_models(loader(argument, overrides, talk), talk.note)
-
-
-def without_unread_channels(loaded: LoadedDeck, talk: Talk) -> LoadedDeck:
-    """Return a deck without channels that a model which is set has not, and say which."""
-    from hfsim.output.api import readable
-
-    return readable(loaded, talk.note)
-
-
-def without_blind_channels(
-    argument: str, overrides: Sequence[str], models: Sequence[str], talk: Talk
-) -> tuple[str, ...]:
-    """Return overrides that leave out channels that some models have not; see `hfsim.studies.compare`."""
-    from hfsim.studies.compare import without_blind_channels
-
-    return without_blind_channels(loader(argument, overrides, talk), models, talk.note)
-
-
-def with_numbers(loaded: LoadedDeck, talk: Talk) -> LoadedDeck:
-    """Return a deck with the default elements where it says auto, and say so."""
-    return loaded.with_numbers(talk.note) if loaded.auto_elements else loaded
-
-
 def load_numbered(argument: str, overrides: Sequence[str], talk: Talk) -> LoadedDeck:
     """Load one deck, with the default elements where it says auto: for all commands but `run`.
 
@@ -167,7 +128,7 @@ def load_numbered(argument: str, overrides: Sequence[str], talk: Talk) -> Loaded
     ------
     DeckError, DeckNotFoundError
     """
-    return with_numbers(loader(argument, overrides, talk)(()), talk)
+    return loader(argument, overrides, talk)(()).with_numbers(talk.note)
 
 
 def command_line() -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hfsim.commands.check import free_motions
-from hfsim.commands.decks import load_numbered, without_unread_channels
+from hfsim.commands.decks import load_numbered
 from hfsim.commands.options import repeats_option, setting_options, talk_options
 from hfsim.output.talk import Talk
 from hfsim.output.text import Column, plural, table, wrapped
@@ -52,9 +52,10 @@ def plan(
         names = decks or (*shipped_cases(), *(str(path) for path in sorted((CASES / "rules").glob("*.yaml"))))
         _prove([load_numbered(name, overrides, talk) for name in names], repeats, talk)
         return
+    from hfsim.output.api import readable
+
     for name in decks:
-        loaded = without_unread_channels(load_numbered(name, overrides, talk), talk)
-        _tell(loaded, measure, repeats, talk)
+        _tell(readable(load_numbered(name, overrides, talk), talk.note), measure, repeats, talk)
 
 
 def _tell(loaded: LoadedDeck, measured: bool, repeats: int, talk: Talk) -> None:

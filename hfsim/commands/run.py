@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hfsim.commands import STARTED, import_libraries, report_error, worst
-from hfsim.commands.decks import assemble, command_line, load_decks
+from hfsim.commands.decks import command_line, load_decks
 from hfsim.commands.options import (
     jobs_option,
     names,
@@ -25,6 +25,7 @@ from hfsim.commands.options import (
     time_option,
 )
 from hfsim.errors import INTERRUPTIONS
+from hfsim.marching.stop import nobody
 from hfsim.maths.frozen import frozen
 from hfsim.output.talk import Destination, Talk
 from hfsim.output.text import for_a_file, plural
@@ -206,7 +207,10 @@ def plan_jobs(decks: Sequence[str], settings: Settings, to: Destination) -> list
     FolderError
         If a folder must not be written to, or two decks would share one.
     """
-    loaded = load_decks(decks, settings.overrides, settings.talk, assemble if len(decks) > 1 else _nothing)
+    from hfsim.simulate import check
+
+    # a single deck is assembled by its simulation, which writes nothing if that fails
+    loaded = load_decks(decks, settings.overrides, settings.talk, check if len(decks) > 1 else nobody)
     paths = _folders([deck.deck.name for deck in loaded], decks, to.output)
     every = zip(decks, loaded, paths, strict=True)
     job = _resumed if settings.resume else _begun
@@ -256,11 +260,6 @@ def _resumed(argument: str, loaded: LoadedDeck, path: Path, settings: Settings, 
     else:
         settings.talk.note(f"{path}: begun anew, it had not come to its first checkpoint")
     return Job(argument, loaded, folder, checkpoint)
-
-
-def _nothing(loaded: LoadedDeck) -> None:
-    # a single deck is assembled by its simulation, which writes nothing if that fails
-    return
 
 
 def _folders(names: Sequence[str], decks: Sequence[str], output: Path | None) -> list[Path]:

@@ -10,12 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hfsim.commands import interrupted
-from hfsim.commands.decks import (
-    load_decks,
-    usual_models,
-    with_numbers,
-    without_blind_channels,
-)
+from hfsim.commands.decks import load_decks
 from hfsim.commands.options import (
     POSITIVE,
     Finite,
@@ -122,12 +117,14 @@ def stability(
     are far off, these references are checked by a second solution, or tightened. A failed
     point is a result (exit code 0). Results go to '<deck name>.stability' or to -o DIR.
     """  # fmt: skip
+    from hfsim.output.api import seeing
     from hfsim.output.writers import Provenance
+    from hfsim.studies.compare import usual_models
     from hfsim.studies.stability.asked import Asked
 
     started = time.perf_counter()
-    overrides = (*overrides, *without_blind_channels(deck, overrides, names(models), talk))
-    loaded = with_numbers(load_decks([deck], overrides, talk, lambda _: None)[0], talk)
+    seen = seeing(load_decks([deck], overrides, talk)[0], names(models), talk.note)
+    loaded = seen.with_numbers(talk.note)
     with as_usage():
         bounds = {"max_error": max_error, "max_drift": max_drift, "budget": budget, "limit": limit}
         asked = Asked(
@@ -135,10 +132,10 @@ def stability(
         )
         if measure and asked.axes:
             raise click.UsageError("--limits takes no axis; change the deck with --set")
-        usual = () if asked.models or measure else usual_models(deck, overrides, talk)
+        usual = () if asked.models or measure else usual_models(loaded.changed, talk.note)
         spent = time.perf_counter() - started + time_to_draw(to.plots, budget)
         plan = asked.plan(usual, workers.jobs, spent)
-    about = Provenance.of(loaded, deck, overrides).facts()
+    about = Provenance.of(loaded, deck, seen.overrides).facts()
     study = Study.claim("stability", to, loaded.deck.name, talk, about)
     with workers.executor(loaded.source.texts) as executor:
         if measure:

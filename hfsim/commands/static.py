@@ -76,11 +76,10 @@ def static(
     watch = Stopwatch(wall_start=STARTED)
     try:
         loaded = load_numbered(deck, overrides, talk)
-        from hfsim.studies.compare import without_blind_channels
+        from hfsim.output.api import seeing
         from hfsim.studies.static import Wish
 
-        blind = without_blind_channels(loaded.changed, (loaded.deck.solve.model,), talk.note)
-        loaded = loaded.changed(blind) if blind else loaded
+        loaded = seeing(loaded, (loaded.deck.solve.model,), talk.note)
         varied = names(vary) or None
         wish = Wish(at, path, count if buckling else 0, varied)
         code = _do(deck, loaded, to, overrides, wish, vtk, talk, watch)

@@ -52,7 +52,7 @@ def run_to_stream(
     if talk.as_json or wanted.animation or wanted.vtk:
         raise click.UsageError("-o - writes the history alone, without --json, --animate, --vtk and --report")
     talk = replace(talk, aside=True)
-    (loaded,) = load_decks(decks, overrides, talk, lambda _: None)
+    (loaded,) = load_decks(decks, overrides, talk)
     watch = Stopwatch(wall_start=STARTED)
     stream = Stream(sys.stdout, Provenance.of(loaded, decks[0], overrides))
     with Progress(loaded.deck.name, sys.stderr, talk.quiet or sys.stdout.isatty()) as progress:

@@ -70,12 +70,17 @@ def load(deck: AnyDeck, changes: Mapping[str, Any] | None = None) -> LoadedDeck:
     return _load(deck, settings(changes))
 
 
-def for_models(base: LoadedDeck, models: Sequence[str]) -> LoadedDeck:
-    """Return a deck without channels that some models have not, and with numbers of elements."""
+def seeing(loaded: LoadedDeck, models: Sequence[str], note: Callable[[str], None] = nobody) -> LoadedDeck:
+    """Return a deck without channels that some models have not; say which."""
     from hfsim.studies.compare import without_blind_channels
 
-    blind = without_blind_channels(base.changed, models, nobody)
-    return (base.changed(blind) if blind else base).with_numbers()
+    blind = without_blind_channels(loaded.changed, models, note)
+    return loaded.changed(blind) if blind else loaded
+
+
+def for_models(base: LoadedDeck, models: Sequence[str]) -> LoadedDeck:
+    """Return a deck without channels that some models have not, and with numbers of elements."""
+    return seeing(base, models).with_numbers()
 
 
 def readable(loaded: LoadedDeck, note: Callable[[str], None] = nobody) -> LoadedDeck:
@@ -85,10 +90,7 @@ def readable(loaded: LoadedDeck, note: Callable[[str], None] = nobody) -> Loaded
     """
     if not loaded.source.is_overridden(("solve", "model")):
         return loaded
-    from hfsim.studies.compare import without_blind_channels
-
-    blind = without_blind_channels(loaded.changed, (loaded.deck.solve.model,), note)
-    return loaded.changed(blind) if blind else loaded
+    return seeing(loaded, (loaded.deck.solve.model,), note)
 
 
 def _load(deck: AnyDeck, overrides: Sequence[str]) -> LoadedDeck:

@@ -24,12 +24,12 @@ import hfsim.studies.compare.measurements
 import hfsim.studies.compare.study
 import hfsim.trust.validity
 from hfsim.cli import COMMANDS, _end
-from hfsim.commands.decks import usual_models
 from hfsim.errors import DeckError, DeckProblem
 from hfsim.marching.solution import Channel, Run
 from hfsim.output.progress import Progress
 from hfsim.output.talk import Talk
 from hfsim.scene.shipped import CASES
+from hfsim.studies.compare import usual_models
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -652,7 +652,8 @@ def test_sigterm_while_pictures_are_drawn_ends_a_comparison(tmp_path):
 
 def test_studies_leave_out_models_that_a_scene_has_not(tmp_path, capsys):
     def told(path):
-        return usual_models(str(path), (), Talk(False, False, False)), capsys.readouterr().err
+        load = hfsim.output.api.load(path).changed
+        return usual_models(load, Talk(False, False, False).note), capsys.readouterr().err
 
     assert told(CASES / "two_beams.yaml") == (("linear", "lowOrder", "exact"), "")
     assert told(CASES / "governor.yaml") == (("exact",), "governor: without beams all models are one\n")
