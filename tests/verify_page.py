@@ -8,6 +8,7 @@ from itertools import groupby
 from hfsim.output.manual import FOLDER
 from hfsim.output.verify import as_markdown
 from hfsim.scene.loading import load_deck
+from hfsim.studies.farm import Farm
 from hfsim.studies.verify import Row, entry_of, published_decks, verify
 
 PAGE = FOLDER / "verify.md"
@@ -40,7 +41,7 @@ def overview(rows: Iterable[Row]) -> Iterator[str]:
 
 def main() -> None:
     """Run everything and write the page."""
-    result = verify([entry_of(load_deck(path)) for path in published_decks().values()], 2)
+    result = verify([entry_of(load_deck(path)) for path in published_decks().values()], Farm(2))
     head = PAGE.read_text(encoding="utf-8").partition(MARK)[0].rstrip()
     lines = [*overview(result.rows)]
     first = OVERVIEW.format(decks=len(lines), values=len(result.rows)) + "\n".join(lines)

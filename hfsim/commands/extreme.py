@@ -66,7 +66,7 @@ def extreme(
         workers.executor() as executor,
         Progress("extreme set", sys.stderr, talk.quiet) as progress,
     ):
-        result = extreme_set(decks, chosen, budget, limit, workers.jobs, progress, executor)
+        result = extreme_set(decks, chosen, budget, limit, executor, progress)
     study.publish(as_facts(result), {"extreme": (_CSV, result.cases)}, as_text(result))
     raise click.exceptions.Exit(_exit_code(result))
 

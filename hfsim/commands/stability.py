@@ -134,7 +134,7 @@ def stability(
             raise click.UsageError("--limits takes no axis; change the deck with --set")
         usual = () if asked.models or measure else usual_models(loaded.changed, talk.note)
         spent = time.perf_counter() - started + time_to_draw(to.plots, budget)
-        plan = asked.plan(usual, workers.jobs, spent)
+        plan = asked.plan(usual, spent)
     about = Provenance.of(loaded, deck, seen.overrides).facts()
     study = Study.claim("stability", to, loaded.deck.name, talk, about)
     with workers.executor(loaded.source.texts) as executor:
@@ -160,7 +160,7 @@ def do_map(loaded: LoadedDeck, plan: Plan, study: Study, asked: Asked, executor:
     from hfsim.studies.stability.maps import stability_map
 
     with as_usage(), Progress(f"{loaded.deck.name}, stability", sys.stderr, study.talk.quiet) as progress:
-        result = stability_map(loaded, plan, asked.bisect, progress, asked.ending, executor)
+        result = stability_map(loaded, plan, executor, asked.bisect, progress, asked.ending)
     publish_map(result, study, asked.ending)
     return interrupted() if result.status == "interrupted" else 0
 
@@ -173,7 +173,5 @@ def do_limits(
     from hfsim.studies.limits import limits_of_models
 
     wanted = models or (loaded.deck.solve.model,)
-    results = limits_of_models(
-        loaded, wanted, plan.methods, plan.seconds, plan.limit, plan.jobs, executor
-    )
+    results = limits_of_models(loaded, wanted, plan.methods, plan.seconds, plan.limit, executor)
     return interrupted() if publish_limits(results, study) == "interrupted" else 0

@@ -80,7 +80,7 @@ def _carry_out(entries: list[Entry], workers: Workers, markdown: bool, study: St
         workers.executor(texts) as executor,
         Progress("verify", sys.stderr, study.talk.quiet) as progress,
     ):
-        result = verify(entries, workers.jobs, progress, executor)
+        result = verify(entries, executor, progress)
     text = (as_markdown if markdown else as_text)(result)
     study.publish(as_facts(result), {"verify": (COLUMNS, result.rows)}, text, asked=markdown)
     _tell_misses(result)

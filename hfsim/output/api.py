@@ -361,13 +361,14 @@ def verify(
         If the keyboard or a signal ends it: a KeyboardInterrupt, ``error.found`` has what there is.
     """
     from hfsim.studies import verify as study
+    from hfsim.studies.farm import Farm
 
     callback(progress=progress)
     shipped = study.published_decks()
     many = isinstance(decks, Iterable) and not isinstance(decks, Mapping | str | bytes)
     named: Sequence[Any] = list(decks) or list(shipped) if many else [decks]  # type: ignore[arg-type]
     found = (shipped.get(each, each) if isinstance(each, str) else each for each in named)
-    result = study.verify(study.entries_of(load(each) for each in found), jobs, progress or nobody)
+    result = study.verify(study.entries_of(load(each) for each in found), Farm(jobs), progress or nobody)
     if result.interrupted:
         raise Interrupted("interrupted from the keyboard", result)
     return result

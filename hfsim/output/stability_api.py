@@ -122,10 +122,10 @@ def stability(
     usual = asked.models or usual_models(base.changed, nobody)
     loaded = for_models(base, asked.models)
     drawing = 0.0 if to is None else time_to_draw(to.plots, budget)
-    plan = asked.plan(usual, where.jobs, time.perf_counter() - start + drawing)
+    plan = asked.plan(usual, time.perf_counter() - start + drawing)
     study = study_in("stability", to, loaded)
     with where.executor(loaded.source.texts) as executor:
-        result = stability_map(loaded, plan, bisect, progress or nobody, ending, executor)
+        result = stability_map(loaded, plan, executor, bisect, progress or nobody, ending)
     if study is not None:
         publish_map(result, study, ending)
     finished(result, result.status, executor)
@@ -176,10 +176,10 @@ def limits(
     to, where = destination(output, force, plots=True), workers(jobs, dask, dask_config)
     loaded = for_models(load(deck, changes), asked.models)
     wanted = asked.models or (loaded.deck.solve.model,)
-    plan = asked.plan(wanted, where.jobs, time.perf_counter() - start)
+    plan = asked.plan(wanted, time.perf_counter() - start)
     study = study_in("stability", to, loaded)
     with where.executor(loaded.source.texts) as executor:
-        found = limits_of_models(loaded, wanted, plan.methods, plan.seconds, limit, where.jobs, executor)
+        found = limits_of_models(loaded, wanted, plan.methods, plan.seconds, limit, executor)
     if study is not None:
         publish_limits(found, study)
     finished(tuple(found), "interrupted" if found[-1].interrupted else "done", executor)

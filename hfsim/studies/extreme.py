@@ -19,7 +19,7 @@ import yaml
 from hfsim.errors import HfsimError
 from hfsim.marching.stop import Progress, nobody
 from hfsim.scene.loading import parse_deck
-from hfsim.studies.farm import Executor, Farm, Outcome, Task
+from hfsim.studies.farm import Executor, Outcome, Task
 from hfsim.studies.stability.references import check_reference, solve_reference
 from hfsim.studies.stability.trials import Job, solve_point
 from hfsim.studies.stability.verdict import (
@@ -280,9 +280,8 @@ def extreme_set(
     expectations: Sequence[Expectation],
     seconds: float,
     limit: float,
-    jobs: int,
+    executor: Executor,
     report: Progress = nobody,
-    executor: Executor | None = None,
 ) -> Extreme:
     """Run decks of a folder and hold them against what is expected.
 
@@ -294,16 +293,14 @@ def extreme_set(
         Wall time that all may take [s].
     limit : float
         Wall time that one deck may take, references included [s].
-    jobs : int
-        Processes at a time.
+    executor : Executor
+        What runs them.
     report : callable
         Told the share of the decks that is done, 0 to 1.
-    executor : Executor, optional
-        What runs them; without it processes of this machine.
     """
     start = time.perf_counter()
-    farm, cases = executor or Farm(jobs), {one.name: Case(one, _WAITING) for one in expectations}
-    farm.deadline = start + seconds
+    cases = {one.name: Case(one, _WAITING) for one in expectations}
+    executor.deadline = start + seconds
 
     def take(outcome: Outcome) -> None:
         one = outcome.key
@@ -313,12 +310,12 @@ def extreme_set(
     for one in expectations:
         path = folder / f"{one.name}.yaml"
         job = Job(path.read_text(encoding="utf-8"), str(path), (), TRUTH_MODEL, limit, tolerance=_TIGHTER)
-        farm.add(Task(one, examine, (job, one), limit))
-    farm.serve(take)
+        executor.add(Task(one, examine, (job, one), limit))
+    executor.serve(take)
     for one in expectations:
         if cases[one.name].verdict is _WAITING:
-            cases[one.name] = Case(one, Verdict("not computed", farm.why_unreached))
-    return Extreme(tuple(cases.values()), seconds, time.perf_counter() - start, farm.interrupted)
+            cases[one.name] = Case(one, Verdict("not computed", executor.why_unreached))
+    return Extreme(tuple(cases.values()), seconds, time.perf_counter() - start, executor.interrupted)
 
 
 _WAITING = Verdict("not computed")

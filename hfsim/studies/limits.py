@@ -27,7 +27,7 @@ from hfsim.marching.stop import Budget, TimeUp
 from hfsim.maths.arrays import Array
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck, parse_deck
-from hfsim.studies.farm import Executor, Farm, Outcome, Task
+from hfsim.studies.farm import Executor, Outcome, Task
 from hfsim.studies.spectra import LimitsError, Spectrum, along, fastest_mode, spectrum
 
 STEPS = 400
@@ -333,19 +333,16 @@ def limits(
     methods: tuple[str, ...],
     seconds: float,
     limit: float,
-    jobs: int,
-    executor: Executor | None = None,
+    executor: Executor,
 ) -> Limits:
-    """Measure the longest stable step of each method, gear with each order, in processes of their own.
+    """Measure the longest stable step of each method, gear with each order.
 
     Parameters
     ----------
     seconds, limit : float
         Wall time all and one method may take [s].
-    jobs : int
-        Processes at a time.
-    executor : Executor, optional
-        What does the work; without it processes of this machine.
+    executor : Executor
+        What does the work.
 
     Raises
     ------
@@ -357,23 +354,22 @@ def limits(
     start = spectrum(scene, 0.0, scene.q, scene.v)
     if start.fastest <= 0.0:
         raise LimitsError(f"nothing swings in {loaded.deck.name} at the start: there is no fastest period")
-    farm = executor or Farm(jobs)
-    farm.deadline = deadline
+    executor.deadline = deadline
     source = loaded.source
     wanted = [(m, k) for m in methods for k in (m in METHODS and integrator(m).orders) or (None,)]
     base = LimitJob(source.text, source.file, loaded.overrides, model, "", None, limit, deadline)
-    turns = [-(-left // jobs) for left in range(len(wanted) + 1, 0, -1)]
-    farm.add(Task("spectra", _spectra, replace(base, turns=turns[0]), limit))
+    turns = [-(-left // executor.jobs) for left in range(len(wanted) + 1, 0, -1)]
+    executor.add(Task("spectra", _spectra, replace(base, turns=turns[0]), limit))
     for (method, order), left in zip(wanted, turns[1:], strict=True):
         job = replace(base, method=method, order=order, turns=left)
-        farm.add(Task((method, order), measure, job, limit))
+        executor.add(Task((method, order), measure, job, limit))
     found: dict[Any, Outcome] = {}
-    farm.serve(lambda outcome: found.update({outcome.key: outcome}))
+    executor.serve(lambda outcome: found.update({outcome.key: outcome}))
     lost = {_title(key): outcome.lost for key, outcome in found.items() if outcome.lost}
-    lost |= {_title(key): farm.why_unreached for key in farm.unreached()}
+    lost |= {_title(key): executor.why_unreached for key in executor.unreached()}
     spectra = found["spectra"].value if "spectra" in found else None
     measured = [found[key].value for key in wanted if key in found and found[key].value is not None]
-    return Limits(loaded.deck.name, model, spectra or (start,), tuple(measured), lost, farm.interrupted)
+    return Limits(loaded.deck.name, model, spectra or (start,), tuple(measured), lost, executor.interrupted)
 
 
 def limits_of_models(
@@ -382,14 +378,13 @@ def limits_of_models(
     methods: tuple[str, ...],
     seconds: float,
     limit: float,
-    jobs: int,
-    executor: Executor | None = None,
+    executor: Executor,
 ) -> list[Limits]:
     """Do the same with several models, which share the time; fewer where a signal ends that."""
     deadline, found = time.perf_counter() + seconds, list[Limits]()
     for k, model in enumerate(models):
         share = (deadline - time.perf_counter()) / (len(models) - k)
-        found.append(limits(loaded, model, methods, share, limit, jobs, executor))
+        found.append(limits(loaded, model, methods, share, limit, executor))
         if found[-1].interrupted:
             break
     return found

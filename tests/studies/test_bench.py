@@ -36,7 +36,7 @@ from hfsim.studies.bench import (
     recommendations,
 )
 from hfsim.studies.bench.points import GroupError
-from hfsim.studies.farm import Farm
+from hfsim.studies.farm import Farm, Here
 
 
 def pendulum(*overrides):
@@ -54,7 +54,7 @@ AMPLE = 3000.0
 
 @pytest.fixture(scope="module")
 def small():
-    return bench(pendulum(), sweep(), Budget(AMPLE))
+    return bench(pendulum(), sweep(), Budget(AMPLE), Here())
 
 
 def point(cpu, error, method="gauss", tolerance=1e-4, **facts):
@@ -112,7 +112,7 @@ def test_no_error_below_the_floor_is_a_number():
 
 
 def test_points_of_the_reference_accuracy_are_flagged():
-    result = bench(pendulum(), sweep(methods=("gauss",), tolerances=(1e-13,)), Budget(30.0))
+    result = bench(pendulum(), sweep(methods=("gauss",), tolerances=(1e-13,)), Budget(30.0), Here())
     (p,), (cell,) = result.points, result.cells
     if p.below_floor:
         assert p.error == cell.floor
@@ -120,14 +120,14 @@ def test_points_of_the_reference_accuracy_are_flagged():
 
 
 def test_fixed_steps():
-    result = bench(pendulum(), sweep(methods=("gauss",), steps=(0.01, 0.02)), Budget(30.0))
+    result = bench(pendulum(), sweep(methods=("gauss",), steps=(0.01, 0.02)), Budget(30.0), Here())
     assert [(p.step, p.tolerance, p.steps) for p in result.points] == [(0.02, None, 5), (0.01, None, 10)]
 
 
 def test_failed_points_are_data():
     """No explicit method stands steps of 10 ms in a pendulum a hundred times stiffer."""
     deck = pendulum("materials.rubber.youngs_modulus=7e7")
-    result = bench(deck, sweep(methods=("explicit",), steps=(0.01, 0.0002)), Budget(30.0))
+    result = bench(deck, sweep(methods=("explicit",), steps=(0.01, 0.0002)), Budget(30.0), Here())
     failed = [p for p in result.points if p.status == "failed"]
     assert failed, [(p.method, p.step, p.status) for p in result.points]
     for p in failed:
@@ -137,7 +137,7 @@ def test_failed_points_are_data():
 
 
 def test_a_model_that_breaks_down_has_no_reference():
-    result = bench(pendulum(), sweep(models=("lowOrder",), tolerances=(1e-3,)), Budget(30.0))
+    result = bench(pendulum(), sweep(models=("lowOrder",), tolerances=(1e-3,)), Budget(30.0), Here())
     assert result.status == "failed"
     assert result.cells[0].status == "failed"
     assert "mass matrix" in result.cells[0].reason
@@ -158,10 +158,10 @@ class Clock:
 def test_the_budget_is_kept_and_what_was_not_run_is_told():
     wanted = sweep(tolerances=(1e-3, 1e-6, 1e-9))
     whole = Clock(1e-3)
-    bench(pendulum(), wanted, Budget(1e6, whole))
+    bench(pendulum(), wanted, Budget(1e6, whole), Here())
     clock, shares = Clock(1e-3), []
     budget = Budget(0.5 * whole.now, clock, report=shares.append)
-    result = bench(pendulum(), wanted, budget)
+    result = bench(pendulum(), wanted, budget, Here())
     assert clock.now < 1.05 * budget.seconds
     statuses = {p.status for p in result.points}
     assert statuses <= {"done", "over budget", "skipped"}
@@ -174,7 +174,7 @@ def test_the_budget_is_kept_and_what_was_not_run_is_told():
 def test_a_slow_point_is_cut_off_and_says_how_far_it_came():
     """Clock ticks are steps: steps of 10 us are 10 000 of them, with no cheaper point to judge by."""
     clock = Clock(1e-3)
-    result = bench(pendulum(), sweep(methods=("explicit",), steps=(1e-5,)), Budget(3.0, clock))
+    result = bench(pendulum(), sweep(methods=("explicit",), steps=(1e-5,)), Budget(3.0, clock), Here())
     assert clock.now < 3.3
     (p,) = result.points
     assert p.status == "over budget"
@@ -208,7 +208,7 @@ def evenly(seconds, start=(0.0, 0.0), steps=1000):
 
 def statuses(budget, *tolerances):
     wanted = sweep(methods=("gauss",), tolerances=tolerances, repeats=1)
-    return [p.status for p in bench(pendulum(), wanted, budget).points]
+    return [p.status for p in bench(pendulum(), wanted, budget, Here()).points]
 
 
 def test_a_point_that_is_slow_at_its_start_alone_is_measured(monkeypatch):
@@ -230,7 +230,7 @@ def test_a_cost_that_grows_once_is_not_taken_to_grow_for_ever(monkeypatch):
 
 
 def test_one_reference_is_made_at_any_price():
-    result = bench(pendulum(), sweep(), Budget(1e-6))
+    result = bench(pendulum(), sweep(), Budget(1e-6), Here())
     assert result.cells[0].status == "done"
     assert {p.status for p in result.points} == {"skipped"} and result.status == "limit"
     assert {p.reason for p in result.points} == {"the budget was used up"}
@@ -242,7 +242,7 @@ def test_an_interrupt_keeps_what_was_measured():
         if len(seen) > 300:
             raise KeyboardInterrupt
 
-    result = bench(pendulum(), sweep(tolerances=(1e-3, 1e-9)), Budget(30.0, report=stop))
+    result = bench(pendulum(), sweep(tolerances=(1e-3, 1e-9)), Budget(30.0, report=stop), Here())
     assert result.status == "interrupted"
     assert result.cells
 
@@ -271,7 +271,8 @@ def test_a_point_whose_process_dies_has_failed(monkeypatch):
 
 def test_mesh_and_time_errors_are_told_apart():
     deck = pendulum("output.channels=[b1.tip.y]", "solve.duration=0.3")
-    result = bench(deck, sweep(methods=("gauss",), tolerances=(1e-2, 1e-6), elements=(2, 4)), Budget(60.0))
+    meshes = sweep(methods=("gauss",), tolerances=(1e-2, 1e-6), elements=(2, 4))
+    result = bench(deck, meshes, Budget(60.0), Here())
     coarse, fine = result.cells
     assert (coarse.mesh_reference, fine.mesh_reference) == (8, 8)
     assert coarse.mesh_error > fine.mesh_error > fine.floor
@@ -350,7 +351,8 @@ REACTIONS = "output.channels=[b1.tip.x, b1.tip.y, b1.angular_velocity, pin.force
 def stiff():
     """Two stiff beams: reactions carry fast modes, which no tolerance that serves the motion resolves."""
     deck = load_deck(CASES / "two_beams.yaml", ("solve.duration=0.05", REACTIONS))
-    return bench(deck, sweep(methods=("gauss", "radau"), tolerances=(1e-3, 1e-5), repeats=1), Budget(30.0))
+    few = sweep(methods=("gauss", "radau"), tolerances=(1e-3, 1e-5), repeats=1)
+    return bench(deck, few, Budget(30.0), Here())
 
 
 def test_each_group_has_its_own_floor_and_error(stiff):
@@ -381,7 +383,7 @@ def test_one_channel_does_not_hide_all_others(stiff):
 
 def test_without_motion_another_group_comes_first():
     deck = pendulum("output.channels=[pin.force_x, b1.angular_velocity, constraint.position]")
-    result = bench(deck, sweep(methods=("gauss",), tolerances=(1e-4,), repeats=1), Budget(30.0))
+    result = bench(deck, sweep(methods=("gauss",), tolerances=(1e-4,), repeats=1), Budget(30.0), Here())
     assert result.cells[0].groups == ("rates", "forces")
     assert result.points[0].worst_channel == "b1.angular_velocity"
     assert result.recommendations[0].startswith("rates: for 1 %")
@@ -406,7 +408,7 @@ def test_recommendations_say_what_errors_they_are_of():
 
 def test_elements_are_those_of_each_beam_as_they_are_asked_for():
     deck = load_deck(CASES / "hub_beams.yaml", ["solve.duration=1e-3"])
-    result = bench(deck, sweep(methods=("gauss",), tolerances=(1e-4,), elements=(1, 2)), Budget(30.0))
+    result = bench(deck, sweep(methods=("gauss",), tolerances=(1e-4,), elements=(1, 2)), Budget(30.0), Here())
     assert [cell.elements for cell in result.cells] == [1, 2] == [p.elements for p in result.points]
     assert {cell.mesh_reference for cell in result.cells} == {4}
 
@@ -529,7 +531,8 @@ def test_the_command_compares_degrees(tmp_path):
 def test_models_are_held_against_the_exact_one():
     """A stiff beam begins to fall: linear suffices for 1 %, but not for 0.01 %."""
     stiff = pendulum("materials.rubber.youngs_modulus=7e8", "output.channels=[b1.tip.y]")
-    found = bench(stiff, sweep(methods=("gauss",), models=("linear", "exact"), repeats=1), Budget(60.0))
+    models = sweep(methods=("gauss",), models=("linear", "exact"), repeats=1)
+    found = bench(stiff, models, Budget(60.0), Here())
     linear, exact = found.cells
     assert exact.model_error is None and 1e-4 < linear.model_error < 1e-2
     assert linear.model_channel == "b1.tip.y"

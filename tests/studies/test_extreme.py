@@ -18,6 +18,7 @@ from hfsim.studies.extreme import (
     extreme_set,
     read_expectations,
 )
+from hfsim.studies.farm import Farm
 from hfsim.studies.stability.trials import Job
 from hfsim.studies.stability.verdict import Trial, Verdict
 
@@ -123,14 +124,14 @@ def test_expectations_that_cannot_be_used(tmp_path, bad):
 def test_small_decks_of_the_set_hold():
     names = ("free_fall", "springs_apart", "mass_ratio")
     chosen = [one for one in read_expectations(FOLDER) if one.name in names]
-    result = extreme_set(FOLDER, chosen, 60.0, 30.0, 2)
+    result = extreme_set(FOLDER, chosen, 60.0, 30.0, Farm(2))
     assert not {case.name: case.misses for case in result.cases if case.misses}
 
 
 @pytest.mark.slow
 def test_the_whole_set_holds():
     """All are as expected, and nine tenths of the sound scenes complete."""
-    result = extreme_set(FOLDER, read_expectations(FOLDER), 300.0, 100.0, 2)
+    result = extreme_set(FOLDER, read_expectations(FOLDER), 300.0, 100.0, Farm(2))
     assert not {case.name: case.misses for case in result.cases if case.misses}
     completed, sound = result.sound
     assert completed >= 0.9 * sound

@@ -17,6 +17,7 @@ from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.shipped import CASES
 from hfsim.studies import limits as module
+from hfsim.studies.farm import Farm
 from hfsim.studies.limits import Limit, LimitJob, Limits, limits, measure, theory
 from hfsim.studies.spectra import LimitsError, Spectrum, fastest_mode, linearise, spectrum
 
@@ -188,7 +189,7 @@ def test_every_method_gets_its_share_of_the_budget():
     """With time for a few trial runs in all, each method still tells how far it came."""
     methods = ("gauss", "explicit", "gear", "generalized_alpha")
     start = time.perf_counter()
-    found = limits(parse_deck(WHEEL), "exact", methods, 1.0, 20.0, 2)
+    found = limits(parse_deck(WHEEL), "exact", methods, 1.0, 20.0, Farm(2))
     assert time.perf_counter() - start < 3.0
     assert not found.lost
     assert [one.method for one in found.limits] == ["gauss", "explicit", *5 * ["gear"], "generalized_alpha"]

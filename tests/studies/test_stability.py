@@ -305,7 +305,7 @@ def test_a_reference_is_another_discretisation():
 
 
 def test_a_point_is_not_wrong_because_its_reference_is():
-    (point,) = stability_map(parse_deck(WHIP), plan(methods=("radau",))).points
+    (point,) = mapped(parse_deck(WHIP), plan(methods=("radau",))).points
     assert point.outcome == "accurate", point
     assert point.verdict.time_error < 1e-3 and point.verdict.reference_floor < 1e-3
 
@@ -391,10 +391,14 @@ def plan(*axes, **changes):
     return Plan(axes=axes, **{**usual, **changes})
 
 
+def mapped(loaded, plan, **options):
+    return stability_map(loaded, plan, Farm(2), **options)
+
+
 def test_a_map_puts_every_point_into_a_class():
     """An explicit step beyond 5.96 over the frequency blows up or fails; Gauss goes on."""
     axes = NAMED["stiffness"]("1,100"), NAMED["step"]("0.05,1")
-    result = stability_map(parse_deck(WHEEL), plan(*axes))
+    result = mapped(parse_deck(WHEEL), plan(*axes))
     assert result.status == "done"
     assert len(result.points) == 8
     found = {(p.method, *p.values): p.outcome for p in result.points}
@@ -411,20 +415,20 @@ def test_axes_have_their_units_in_tables_and_pictures():
     from hfsim.output.plots.stability import _map_figure, _strips_figure
 
     axes = vary("springs.coil.stiffness=50 N m/rad,0.1 kN m/rad"), NAMED["step"]("50 ms, 0.1")
-    found = stability_map(parse_deck(WHEEL), plan(*axes, methods=("gauss",)))
+    found = mapped(parse_deck(WHEEL), plan(*axes, methods=("gauss",)))
     assert [axis.values for axis in found.axes] == [(50.0, 100.0), (0.05, 0.1)]
     labels = ["springs.coil.stiffness [N m/rad]", "step [s]"]
     text = map_text(found, Path("out"))
     assert f"{labels[0]} \\ {labels[1]}" in text
     picture = _map_figure(found)
     assert [picture.get_supylabel(), picture.get_supxlabel()] == labels
-    strip = stability_map(parse_deck(WHEEL), plan(vary("solve.duration=0.1,0.2"), methods=("gauss",)))
+    strip = mapped(parse_deck(WHEEL), plan(vary("solve.duration=0.1,0.2"), methods=("gauss",)))
     assert _strips_figure(strip).axes[0].get_xlabel() == "solve.duration [s]"
     assert "solve.duration [s]" in map_text(strip, Path("out"))
-    (scaled,) = stability_map(parse_deck(WHEEL), plan(NAMED["stiffness"]("1,2"), methods=("gauss",))).axes
+    (scaled,) = mapped(parse_deck(WHEEL), plan(NAMED["stiffness"]("1,2"), methods=("gauss",))).axes
     assert scaled.label == "stiffness [-]", "a factor"
     axis = vary("solve.coordinates=auto,absolute")
-    (words,) = stability_map(parse_deck(WHEEL), plan(axis, methods=("gauss",))).axes
+    (words,) = mapped(parse_deck(WHEEL), plan(axis, methods=("gauss",))).axes
     assert (words.values, words.label) == (("auto", "absolute"), "solve.coordinates")
 
 
@@ -436,7 +440,7 @@ def test_long_names_of_axes_are_not_drawn_over_one_another():
     deck = parse_deck(WHEEL.replace("coil", "coil_between_the_hub_and_the_ground"))
     axes = vary("springs.coil_between_the_hub_and_the_ground.stiffness=50,100"), NAMED["step"]("0.05,0.1")
     models = ("linear", "exact")
-    figure = _map_figure(stability_map(deck, plan(*axes, methods=("gauss",), models=models)))
+    figure = _map_figure(mapped(deck, plan(*axes, methods=("gauss",), models=models)))
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     upright = [one for one in figure.findobj(Text) if one.get_text() and one.get_rotation() == 90.0]
@@ -454,7 +458,7 @@ def test_the_title_stands_beside_the_legend(name, axes):
     from hfsim.output.plots.stability import _map_figure, _strips_figure
 
     deck = parse_deck(WHEEL.replace("name: wheel", f"name: {name}").replace("20.0", "0.2"))
-    found = stability_map(deck, plan(*(NAMED[one]("0.1,0.2") for one in axes), methods=("gauss",)))
+    found = mapped(deck, plan(*(NAMED[one]("0.1,0.2") for one in axes), methods=("gauss",)))
     figure = (_map_figure if len(axes) > 1 else _strips_figure)(found)
     FigureCanvasAgg(figure).draw()
     title = next(one for one in figure.findobj(Text) if "hold" in one.get_text())
@@ -470,7 +474,7 @@ def test_values_of_another_unit_are_no_values_of_an_axis(axis, text):
 @pytest.mark.parametrize("values", ["1 kg, 2 kg", "1 s, 2 kg"])
 def test_values_of_another_unit_are_refused_by_the_deck(values):
     with pytest.raises((DeckError, AxisError), match=r"is a unit of mass|several units"):
-        stability_map(parse_deck(WHEEL), plan(vary(f"solve.duration={values}")))
+        mapped(parse_deck(WHEEL), plan(vary(f"solve.duration={values}")))
 
 
 def test_rates_may_have_units():
@@ -485,21 +489,21 @@ def test_a_map_that_is_not_finished_has_points_of_all_models(monkeypatch):
     """Models come before methods: what there is time for is told of each."""
     asked = []
     monkeypatch.setattr(Mapper, "compute", lambda self, wanted: asked.extend(wanted) or {})
-    stability_map(parse_deck(WHEEL), plan(methods=("gauss", "gear"), models=("linear", "exact")))
+    mapped(parse_deck(WHEEL), plan(methods=("gauss", "gear"), models=("linear", "exact")))
     rows = [("linear", "gauss"), ("exact", "gauss"), ("linear", "gear"), ("exact", "gear")]
     assert [(model, method) for _, model, method in asked] == rows
 
 
 def test_a_refused_value_is_a_point_and_a_hopeless_map_is_refused():
-    result = stability_map(parse_deck(WHEEL), plan(vary("springs.coil.stiffness=-1,1"), methods=("gauss",)))
+    result = mapped(parse_deck(WHEEL), plan(vary("springs.coil.stiffness=-1,1"), methods=("gauss",)))
     assert [p.outcome for p in result.points] == ["deck", "accurate"]
     assert "refused" in result.points[0].verdict.reason
     with pytest.raises(DeckError):
-        stability_map(parse_deck(WHEEL), plan(vary("springs.wire.stiffness=1,2")))
+        mapped(parse_deck(WHEEL), plan(vary("springs.wire.stiffness=1,2")))
 
 
 def test_a_first_point_is_computed_and_what_the_budget_does_not_reach_is_told():
-    result = stability_map(parse_deck(WHEEL), plan(NAMED["stiffness"]("1,2,3"), seconds=0.0))
+    result = mapped(parse_deck(WHEEL), plan(NAMED["stiffness"]("1,2,3"), seconds=0.0))
     assert result.status == "over budget"
     left = sum(p.outcome == "not computed" for p in result.points)
     assert len(result.points) == 6 and 4 <= left <= 5, "what two workers had in hand"
@@ -520,7 +524,7 @@ output: {channels: [rod.angle]}
 """
     for angle, outcome in (("-90 deg", "physical"), ("100 deg", "accurate")):
         deck = parse_deck(text.replace("90 deg", f'"{angle}"'))
-        (point,) = stability_map(deck, plan(methods=("gauss",))).points
+        (point,) = mapped(deck, plan(methods=("gauss",))).points
         assert point.outcome == outcome, point
 
 
@@ -536,7 +540,7 @@ solve: {duration: 0.1}
 
 def test_a_scene_at_rest_has_no_energy_to_lose():
     """A beam without a load: its energies are round-off, and their drift would be anything."""
-    result = stability_map(parse_deck(AT_REST), plan(methods=("auto",), models=("linear", "exact")))
+    result = mapped(parse_deck(AT_REST), plan(methods=("auto",), models=("linear", "exact")))
     assert [p.outcome for p in result.points] == ["accurate", "accurate"]
 
 
@@ -553,7 +557,7 @@ def test_a_scene_at_rest_is_disturbed_by_more_than_round_off(monkeypatch):
 def test_the_end_of_a_class_is_located():
     """Explicit steps hold the wheel up to less than 5.96 over its frequency of 1 rad/s."""
     axis = NAMED["step"]("log(0.5,50,3)")
-    result = stability_map(parse_deck(WHEEL), plan(axis, methods=("explicit",)), bisect=0.02)
+    result = mapped(parse_deck(WHEEL), plan(axis, methods=("explicit",)), bisect=0.02)
     (end,) = result.boundaries
     assert end.class_below == "accurate" and end.class_above != "accurate"
     assert end.width <= 0.02
@@ -564,7 +568,7 @@ def test_the_end_of_a_class_is_located():
 
 def test_the_end_of_another_class_is_located():
     axis = NAMED["step"]("1,3,5,50")
-    result = stability_map(parse_deck(WHEEL), plan(axis, methods=("explicit",)), 0.05, ending="wrong")
+    result = mapped(parse_deck(WHEEL), plan(axis, methods=("explicit",)), bisect=0.05, ending="wrong")
     for end in result.boundaries:
         assert (end.class_below == "wrong") != (end.class_above == "wrong")
 

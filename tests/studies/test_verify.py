@@ -17,6 +17,7 @@ from hfsim.output.manual import decks_in, topics
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
 from hfsim.studies.collect import CollectError, Collector
+from hfsim.studies.farm import Farm
 from hfsim.studies.verify import entry_of, published_decks, verify
 from hfsim.studies.verify.finders import answer
 from hfsim.studies.verify.result import FAILED, HELD, MISSED
@@ -49,7 +50,7 @@ verify:
 
 
 def rows_of(text, *settings):
-    return verify([entry_of(parse_deck(text, "mass.yaml", settings))]).rows
+    return verify([entry_of(parse_deck(text, "mass.yaml", settings))], Farm(1)).rows
 
 
 def collected(loaded, *texts):

@@ -23,7 +23,7 @@ from hfsim.studies.bench.points import ChannelError, GroupError, Point
 from hfsim.studies.bench.reference import Work, references
 from hfsim.studies.bench.result import Bench
 from hfsim.studies.bench.sweep import Sweep
-from hfsim.studies.farm import Executor, Here, Outcome, Task
+from hfsim.studies.farm import Executor, Outcome, Task
 from hfsim.studies.timing import Spread, solved
 
 _TRIAL_SHARE = 0.02
@@ -43,7 +43,7 @@ _FIRST_GROWTH = 2.0
 
 
 def bench(
-    loaded: LoadedDeck, sweep: Sweep, budget: Budget, executor: Executor | None = None, kept: float = 0.0
+    loaded: LoadedDeck, sweep: Sweep, budget: Budget, executor: Executor, kept: float = 0.0
 ) -> Bench:
     """Measure error and CPU time of every point of a sweep, within a budget.
 
@@ -51,8 +51,8 @@ def bench(
     ----------
     budget : Budget
         The first reference is made even if it takes longer.
-    executor : Executor, optional
-        Does the points; references are made here. Without it the points are done here too.
+    executor : Executor
+        Does the points; references are made here.
     kept : float
         What was kept back for pictures of the budget that is told [s].
 
@@ -73,7 +73,7 @@ def bench(
         references(loaded, sweep, works, budget)
         _warm_up(works, sweep, budget)
         waiting = [_Series(w, method, list(sweep.levels)) for w in works for method in sweep.methods]
-        _Points(sweep, budget, executor or Here(), points, waiting).run()
+        _Points(sweep, budget, executor, points, waiting).run()
     except KeyboardInterrupt:
         status = "interrupted"
     if status == "done" and not any(w.truth for w in works):

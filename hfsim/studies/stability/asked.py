@@ -65,7 +65,7 @@ class Asked:
     bisect: float | None = None
     ending: str = "accurate"
 
-    def plan(self, usual_models: Sequence[str], jobs: int, spent: float = 0.0) -> Plan:
+    def plan(self, usual_models: Sequence[str], spent: float = 0.0) -> Plan:
         """Return what is done where some of the budget has been spent.
 
         Raises
@@ -79,7 +79,7 @@ class Asked:
         return Plan(
             axes=self.axes, methods=self.methods or tuple(METHODS), models=self.models or tuple(usual_models),
             bounds=Bounds(self.max_error, self.max_drift), seconds=max(self.budget - spent, 0.0),
-            limit=self.limit, jobs=jobs,
+            limit=self.limit,
         )  # fmt: skip
 
     def _refuse_bisection(self) -> None:

@@ -1,4 +1,4 @@
-"""Work on the points of a map: references and points are jobs of a farm, the references of a deck first."""
+"""Work on the points of a map: references and points are jobs, the references of a deck first."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hfsim.errors import DeckError
 from hfsim.marching.stop import Progress, nobody
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.axes import point_overrides
-from hfsim.studies.farm import Executor, Farm, Outcome, Task
+from hfsim.studies.farm import Executor, Outcome, Task
 from hfsim.studies.stability.references import check_reference, solve_reference
 from hfsim.studies.stability.results import MapPoint, Plan, Wanted
 from hfsim.studies.stability.trials import Job, solve_point
@@ -56,23 +56,17 @@ class _Cell:
 class Mapper:
     """Computes points of one deck within a budget; references once found are kept.
 
-    The key of each task of the farm is the function that takes its outcome.
+    The key of each task is the function that takes its outcome.
     """
 
-    def __init__(
-        self,
-        loaded: LoadedDeck,
-        plan: Plan,
-        report: Progress = nobody,
-        executor: Executor | None = None,
-    ) -> None:
+    def __init__(self, loaded: LoadedDeck, plan: Plan, executor: Executor, report: Progress = nobody) -> None:
         self._loaded = loaded
         self._plan = plan
         self._report = report
         self._start = time.perf_counter()
-        self._farm = executor or Farm(plan.jobs)
-        self._farm.deadline = self._start + plan.seconds
-        self._farm.patient = True  # for a first point at least
+        self._executor = executor
+        self._executor.deadline = self._start + plan.seconds
+        self._executor.patient = True  # for a first point at least
         self._job = Job(loaded.source.text, loaded.source.file, (), TRUTH_MODEL, plan.limit, plan.tolerance)
         self._cells: dict[tuple[str, ...], _Cell] = {}
         self._found: dict[Wanted, MapPoint] = {}
@@ -85,7 +79,7 @@ class Mapper:
     @property
     def interrupted(self) -> bool:
         """Whether a signal has ended the work."""
-        return self._farm.interrupted
+        return self._executor.interrupted
 
     @property
     def over_budget(self) -> bool:
@@ -102,10 +96,10 @@ class Mapper:
             outcome.key(outcome)
             self._report(sum(self._found[one].outcome != "not computed" for one in asked) / len(asked))
 
-        self._farm.serve(take)
+        self._executor.serve(take)
         for one in asked:
             if self._found[one].outcome == "not computed":
-                unreached = replace(self._found[one].verdict, reason=self._farm.why_unreached)
+                unreached = replace(self._found[one].verdict, reason=self._executor.why_unreached)
                 self._found[one] = replace(self._found[one], verdict=unreached)
         return {one: self._found[one] for one in asked}
 
@@ -137,7 +131,7 @@ class Mapper:
     def _ask_reference(self, cell: _Cell, model: str) -> None:
         job = replace(self._reference_job(cell, model), disturbed=model == TRUTH_MODEL)
         cell.truths[model] = None
-        self._farm.add(Task(partial(self._take_reference, cell, model), solve_reference, job, job.limit))
+        self._executor.add(Task(partial(self._take_reference, cell, model), solve_reference, job, job.limit))
 
     def _reference_job(self, cell: _Cell, model: str) -> Job:
         return replace(
@@ -157,7 +151,7 @@ class Mapper:
             truth = cell.truth(job.model)
             ready = replace(job, truth=truth if truth.status == "done" else None)
             take = partial(self._take_point, one, cell)
-            self._farm.add(Task(take, solve_point, ready, job.limit), first=True)
+            self._executor.add(Task(take, solve_point, ready, job.limit), first=True)
         cell.waiting.clear()
 
     def _take_point(self, one: Wanted, cell: _Cell, outcome: Outcome) -> None:
@@ -179,7 +173,7 @@ class Mapper:
         if needed:
             verdict = replace(verdict, outcome="not computed")
         else:
-            self._farm.patient = False
+            self._executor.patient = False
         self._found[one] = replace(self._found[one], verdict=verdict, trial=trial)
 
     def _ask_check(self, cell: _Cell, model: str) -> None:
@@ -188,7 +182,7 @@ class Mapper:
             cell.checks.add(model)
             job = replace(self._reference_job(cell, model), truth=cell.truth(model))
             take = partial(self._take_check, cell, model)
-            self._farm.add(Task(take, check_reference, job, job.limit), first=True)
+            self._executor.add(Task(take, check_reference, job, job.limit), first=True)
 
     def _take_check(self, cell: _Cell, model: str, outcome: Outcome) -> None:
         cell.truths[model] = outcome.value or replace(cell.truth(model), doubt=outcome.lost)

@@ -45,23 +45,23 @@ def coarse_first(count: int) -> list[int]:
 def stability_map(
     loaded: LoadedDeck,
     plan: Plan,
+    executor: Executor,
     bisect: float | None = None,
     report: Progress = nobody,
     ending: str = "accurate",
-    executor: Executor | None = None,
 ) -> StabilityMap:
     """Map a scene and put every point into a class.
 
     Parameters
     ----------
+    executor : Executor
+        What computes the points.
     bisect : float, optional
         Relative width to which the end of a class along the one axis is located.
     report : callable
         Told the share of the points that is done, 0 to 1.
     ending : str
         That class.
-    executor : Executor, optional
-        What computes the points; without it processes of this machine.
 
     Returns
     -------
@@ -76,7 +76,7 @@ def stability_map(
         If the deck is refused at every point of the map.
     """
     _refuse_hopeless(loaded, plan)
-    mapper = Mapper(loaded, plan, report, executor)
+    mapper = Mapper(loaded, plan, executor, report)
     rows = [(model, method) for method in plan.methods for model in plan.models]
     found = mapper.compute((values, *row) for values in _coarse_cells(plan.axes) for row in rows)
     boundaries: tuple[Boundary, ...] = ()

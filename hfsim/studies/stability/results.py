@@ -30,8 +30,6 @@ class Plan:
         Wall time that all may take [s].
     limit : float
         Wall time that one point may take [s].
-    jobs : int
-        Processes at a time.
     tolerance : float
         Of the references, at most a tenth of the deck's [-].
     """
@@ -42,7 +40,6 @@ class Plan:
     bounds: Bounds = field(default_factory=Bounds)
     seconds: float = 60.0
     limit: float = 20.0
-    jobs: int = 2
     tolerance: float = 1e-8
 
 

@@ -14,7 +14,7 @@ from hfsim.marching.stop import Progress, nobody
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.published import RowSpec, VerifySpec
 from hfsim.studies.collect import channels_of, unit_of_quantity
-from hfsim.studies.farm import Executor, Farm, Outcome, Task
+from hfsim.studies.farm import Executor, Outcome, Task
 from hfsim.studies.verify.finders import Answer, Order, answer
 from hfsim.studies.verify.result import FAILED, HELD, MISSED, Row, Verification
 
@@ -138,22 +138,15 @@ def entries_of(decks: Iterable[LoadedDeck]) -> list[Entry]:
     return entries
 
 
-def verify(
-    entries: Sequence[Entry],
-    jobs: int = 1,
-    report: Progress = nobody,
-    executor: Executor | None = None,
-) -> Verification:
+def verify(entries: Sequence[Entry], executor: Executor, report: Progress = nobody) -> Verification:
     """Find all published values of some decks.
 
     Parameters
     ----------
-    jobs : int
-        Processes at a time.
+    executor : Executor
+        What does it.
     report : callable
         Told the share of the work that is done, 0 to 1.
-    executor : Executor, optional
-        What does it; without it processes of this machine.
 
     Raises
     ------
@@ -165,7 +158,7 @@ def verify(
     seconds = {entry.name: 0.0 for entry in entries}
     orders = {(k, numbers): one for k, entry in enumerate(entries) for numbers, one in entry.orders().items()}
     shares = {key: _expected(entries[key[0]]) for key in orders}
-    farm, done = executor or Farm(jobs), 0.0
+    done = 0.0
 
     def take(outcome: Outcome) -> None:
         nonlocal done
@@ -179,10 +172,10 @@ def verify(
         report(done / sum(shares.values()))
 
     for key in sorted(orders, key=lambda one: -shares[one]):
-        farm.add(Task(key, answer, orders[key], float("inf")))
-    farm.serve(take)
+        executor.add(Task(key, answer, orders[key], float("inf")))
+    executor.serve(take)
     every = tuple(row for some in rows for row in some)
-    return Verification(every, time.perf_counter() - start, seconds, farm.interrupted)
+    return Verification(every, time.perf_counter() - start, seconds, executor.interrupted)
 
 
 def _expected(entry: Entry) -> float:
