@@ -80,12 +80,7 @@ def load_decks(
 
 
 def loader(argument: str, overrides: Sequence[str], talk: Talk) -> Callable[[Sequence[str]], LoadedDeck]:
-    """Return what loads a deck with further overrides, and tells its warnings.
-
-    Raises
-    ------
-    DeckNotFoundError
-    """
+    """Return what loads a deck with further overrides, and tells its warnings; raise `DeckNotFoundError`."""
     path = None if argument == "-" else find_deck(argument, talk)
 
     def load(more: Sequence[str]) -> LoadedDeck:
@@ -122,12 +117,7 @@ def _standard_input(stream: TextIO) -> bytes:
 
 
 def load_numbered(argument: str, overrides: Sequence[str], talk: Talk) -> LoadedDeck:
-    """Load one deck, with the default elements where it says auto: for all commands but `run`.
-
-    Raises
-    ------
-    DeckError, DeckNotFoundError
-    """
+    """Load one deck, with the default elements for auto; raise `DeckError` or `DeckNotFoundError`."""
     return loader(argument, overrides, talk)(()).with_numbers(talk.note)
 
 

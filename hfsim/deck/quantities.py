@@ -90,7 +90,7 @@ class Quantity(NamedTuple):
 
 
 def read_quantity(text: str) -> Quantity:
-    """Return what a text names.
+    """Return what a text names, or raise `QuantityError`.
 
     Examples
     --------
@@ -98,10 +98,6 @@ def read_quantity(text: str) -> Quantity:
     Quantity(kind='at', channel='b1.tip.x', time=0.5, number=0, window=None)
     >>> str(read_quantity(" frequency( 2 )")), str(read_quantity("max(b1.tip.x, 500 ms..2 s)"))
     ('frequency(2)', 'max(b1.tip.x, 0.5..2)')
-
-    Raises
-    ------
-    QuantityError
     """
     found = _WRITTEN.fullmatch(text)
     if found is None:

@@ -79,12 +79,7 @@ def take_up(folder: Path, provenance: Provenance) -> Checkpoint | None:
 
 
 def refuse_others(folder: Path, summary: Mapping[str, Any], provenance: Provenance) -> None:
-    """Refuse results in a folder, of which there is a summary, that are not of this deck.
-
-    Raises
-    ------
-    CheckpointError
-    """
+    """Refuse results in a folder that are not of this deck by their summary; raise `CheckpointError`."""
     different: Iterable[str] = ()
     if summary.get("kind"):
         different = [f"  it is a result of hfsim {summary['kind']}"]

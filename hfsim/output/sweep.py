@@ -162,12 +162,7 @@ class Rows:
 def wanted_of(
     asked: Asked, loaded: LoadedDeck, note: Callable[[str], None], keep: str = "nothing", source: str = "deck"
 ) -> Wanted:
-    """Return what is asked for, ready to be done; refuse what cannot be.
-
-    Raises
-    ------
-    SweepError, DeckError
-    """
+    """Return what is asked for, ready to be done; raise `SweepError` or `DeckError` where it cannot be."""
     wrong = Refusals(loaded, asked.left_to(loaded), asked.called)
     if not asked.sensitivity:
         asked = asked.completed(loaded)
@@ -202,12 +197,7 @@ def wanted_of(
 
 
 def check_sweep(loaded: LoadedDeck) -> list[str]:
-    """Refuse what a deck says of its own sweep, as the sweep would before it runs; return its notes.
-
-    Raises
-    ------
-    SweepError, DeckError
-    """
+    """Return notes on a deck's own sweep; raise `SweepError` or `DeckError`, as it would before it runs."""
     notes: list[str] = []
     if loaded.deck.sweep is not None:
         wanted_of(Asked(many=True), loaded, notes.append)

@@ -76,12 +76,7 @@ def _tied(deck: Deck, name: str) -> AnyJoint | AnySpring:
 
 
 def refuse_unread(loaded: LoadedDeck, scene: Measured) -> None:
-    """Refuse channels of internal forces where there are no strains, and of angles that have no meaning.
-
-    Raises
-    ------
-    DeckError
-    """
+    """Raise `DeckError` for channels of internal forces without strains, and angles that have no meaning."""
     for k, (name, kind) in enumerate(_asked(scene.deck)):
         path, channel, body = f"output.channels.{k}", scene.deck.channels[k], scene.bodies.get(name)
         if kind.of_strains and body and not len(body.outline_places):  # none where it is of another part

@@ -88,12 +88,7 @@ def floors_of(
 
 
 def agreement(scene: Scene, tolerance: float, guard: Progress) -> tuple[Agreement | HfsimError, float]:
-    """Solve by two methods; return the first with its distance to the second, and the CPU time [s].
-
-    Raises
-    ------
-    TimeUp
-    """
+    """Return the first of two solutions, its distance to the second, and the CPU time [s]; raise `TimeUp`."""
     runs, spent = [], 0.0
     for method, stages, factor in REFERENCES:
         done, cpu = solved(scene, solve_of(scene, method, factor * tolerance, False, stages), guard)

@@ -136,12 +136,7 @@ def _quiet() -> Iterator[None]:
 
 
 def _started(path: Path) -> Any:
-    """Return the cluster that a file describes: its class, ``cluster``, ``options`` of it, ``workers``.
-
-    Raises
-    ------
-    ClusterError
-    """
+    """Start what a file describes: a class ``cluster``, ``options``, ``workers``; raise `ClusterError`."""
     try:
         said = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:

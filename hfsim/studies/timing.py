@@ -52,12 +52,7 @@ def solved(scene: Scene, solve: SolveSpec, guard: Progress | None = None) -> tup
 
 
 def uninterrupted(run: Run) -> Run:
-    """Return a run, unless a signal has ended it: what is timed or compared must be whole.
-
-    Raises
-    ------
-    KeyboardInterrupt
-    """
+    """Return a run, or raise `KeyboardInterrupt` where a signal has ended it: what is timed must be whole."""
     if run.exit_code in INTERRUPTIONS:
         raise KeyboardInterrupt
     return run

@@ -102,11 +102,8 @@ def chosen_models(models: Sequence[str], reference: str) -> tuple[str, ...]:
 def without_blind_channels(load: Load, models: Sequence[str], note: Note) -> tuple[str, ...]:
     """Return overrides that leave out channels of internal forces of beams that a model has rigid; say which.
 
-    Without them, where a body's own model is rigid, or where nothing else would be left, the deck is refused.
-
-    Raises
-    ------
-    DeckError
+    There are none, and the deck is refused later, where a body's own model is rigid, or nothing else would
+    be left. Raise `DeckError` of a bad deck.
     """
     blind = [model for model in models if not MODELS[model].flexible] if set(models) <= set(MODELS) else []
     if not blind:

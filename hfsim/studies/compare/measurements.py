@@ -54,6 +54,8 @@ def measure(
 ) -> None:
     """Measure the error in time of each model that reached its end, and the CPU times of short ones again.
 
+    A signal ends that: raise `KeyboardInterrupt`.
+
     Parameters
     ----------
     decks : mapping of str to LoadedDeck
@@ -68,10 +70,6 @@ def measure(
         Does the runs.
     progress : callable, optional
         Told the share that is done.
-
-    Raises
-    ------
-    KeyboardInterrupt
     """
     found.times |= {run.model: [run.phase_cpu("solve")] for run in runs}
     found.coordinates |= {run.model: coordinates_of(decks[run.model].deck, run.model) for run in runs}
@@ -107,14 +105,12 @@ def _solve_time(job: tuple[LoadedDeck, str, Progress]) -> float:
 def time_error(loaded: LoadedDeck, run: Run, progress: Progress | None = None) -> dict[str, float] | None:
     """Return the error in time of each channel of a run, in its unit, by another run of the same model.
 
+    A signal ends that: raise `KeyboardInterrupt`.
+
     Returns
     -------
     dict or None
         None where the other run does not reach the end.
-
-    Raises
-    ------
-    KeyboardInterrupt
     """
     solve, errors = loaded.deck.solve, dict[str, float]()
     # where a looser run is the same, the tolerance is not what bounds the steps: shorter ones tell

@@ -220,12 +220,7 @@ class Search:
         return cpu if done.stop is None else math.inf
 
     def refuse_too_large(self, base: Level, setting: Setting) -> None:
-        """Refuse a setting that would not fit into the time or the memory left, judged by a level that ran.
-
-        Raises
-        ------
-        Halted
-        """
+        """Raise `Halted` if a setting would not fit into time or memory left, judged by a level that ran."""
         before, after = base.setting.vectors, setting.vectors
         growth = 1.4 if before == after else (after / before) ** _COST_ORDER
         left = max(self.budget.left, 0.0)

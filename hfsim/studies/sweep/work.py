@@ -70,12 +70,7 @@ class Setting:
         return self.collected.quantities
 
     def of_run(self, overrides: tuple[str, ...]) -> tuple[LoadedDeck, tuple[Quantity, ...]]:
-        """Return the deck of a run, with what is collected among its channels, and what that is there.
-
-        Raises
-        ------
-        DeckError
-        """
+        """Return the deck of a run, with what is collected, and what that is there; raise `DeckError`."""
         loaded = self.load(overrides)
         quantities = self.collected.of_run(loaded)
         return with_channels(loaded, channels_of(quantities)), quantities
