@@ -11,15 +11,11 @@ import numpy as np
 
 from hfsim.integrators import Memory
 from hfsim.output.disk import read_history, write_whole
-from hfsim.output.writers import Provenance, leaves, read_resolved, versions
+from hfsim.output.writers import Provenance, differences, first_lines, read_resolved, versions
 
 CHECKPOINT = "checkpoint.npz"
 _MAY_DIFFER = ("solve.max_steps", "solve.budget", "output.plots", "output.shapes")
 """Entries of a deck that have no part in what its rows are."""
-_LONGEST = 200
-"""Characters of two lists that are told whole."""
-_TOLD = 20
-"""Differences that are told."""
 
 
 class Checkpoint(NamedTuple):
@@ -95,44 +91,24 @@ def _of_deck(folder: Path, summary: Mapping[str, Any], provenance: Provenance) -
         asked = (summary.get("refinement") or {}).get("deck")
         return _deck(asked or read_resolved(folder / "resolved.yaml"), provenance.resolved)
     except (OSError, ValueError):
-        hashes = ({"deck_sha256": one} for one in (summary.get("deck_sha256"), provenance.deck_sha256))
-        return _differences(*hashes)
+        then, now = ({"deck_sha256": one} for one in (summary.get("deck_sha256"), provenance.deck_sha256))
+        return differences(then, now)
 
 
 def _of_versions(then: Mapping[str, str]) -> Iterator[str]:
     """Yield in what versions differ, as far as libraries have been imported, and what helps."""
     now = versions()
     known = {name: one for name, one in then.items() if name in now}
-    yield from _differences(known, {name: now[name] for name in known})
+    yield from differences(known, {name: now[name] for name in known})
     if "kernel" in known and known["kernel"] != now["kernel"]:
         yield f"HFSIM_KERNEL={known['kernel']} goes on with that kernel"
 
 
 def _refuse(path: Path, different: Iterable[str]) -> None:
-    found = [*different]
-    if len(found) > _TOLD:
-        found[_TOLD:] = [f"  and {len(found) - _TOLD} more"]
-    if found:
-        raise CheckpointError("\n".join([f"{path} belongs to another run:", *found]))
+    if told := first_lines(different):
+        raise CheckpointError(f"{path} belongs to another run:\n{told}")
 
 
 def _deck(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
-    return _differences(*(dict(leaves(json.loads(json.dumps(one)))) for one in (old, new)))
-
-
-def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a line for each entry that both have, or one of them, with another value."""
-    for key in dict.fromkeys((*old, *new)):
-        if old.get(key) != new.get(key) and key not in _MAY_DIFFER:
-            then, now = _short(old.get(key, "not there"), new.get(key, "not there"))
-            yield f"  {key}: {then} then, {now} now"
-
-
-def _short(old: Any, new: Any) -> tuple[str, str]:
-    """Return two entries that differ as text; of long lists, where they first do so."""
-    if isinstance(old, list) and isinstance(new, list) and len(str(old)) + len(str(new)) > _LONGEST:
-        if len(old) != len(new):
-            return f"{len(old)} entries", f"{len(new)} entries"
-        k = next(k for k, (a, b) in enumerate(zip(old, new, strict=True)) if a != b)
-        return f"entry {k} {old[k]}", f"{new[k]}"
-    return str(old), str(new)
+    then, now = (json.loads(json.dumps(one)) for one in (old, new))
+    return differences(then, now, _MAY_DIFFER)

@@ -20,7 +20,7 @@ from hfsim.marching.stop import SHIELD
 from hfsim.output.disk import disk, write_json, write_whole
 from hfsim.output.runfolder import SWEEP, FolderError, RunFolder, claim, folder_name
 from hfsim.output.talk import Destination
-from hfsim.output.writers import cell, json_ready, leaves
+from hfsim.output.writers import cell, differences, first_lines, json_ready
 from hfsim.studies.sweep.plan import Plan
 from hfsim.studies.sweep.work import FACTS, LOST, Row
 
@@ -31,8 +31,6 @@ FOLDER_FILES = ("history.csv", "summary.json", "resolved.yaml", "run.log")
 """Files of the folder of a run that are kept."""
 _SYNC = 1.0
 """Time between two waits for the disk [s]."""
-_TOLD = 20
-"""Differences that are told at most."""
 
 
 class ResumeError(HfsimError):
@@ -198,18 +196,6 @@ def refuse_changed(path: Path, facts: Mapping[str, Any]) -> None:
         old = json.loads((path / SWEEP).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         raise ResumeError(f"{path} has no sweep to go on with") from None
-    now, then = map(dict, map(leaves, (json_ready(facts)[0], {key: old.get(key) for key in facts})))
-    found = [
-        f"  {key}: {_shown(then.get(key))} there, {_shown(now.get(key))} here"
-        for key in dict.fromkeys([*then, *now])
-        if then.get(key) != now.get(key)
-    ]
-    if found:
-        more = [f"  and {len(found) - _TOLD} more"] if len(found) > _TOLD else []
-        lines = "\n".join([*found[:_TOLD], *more])
-        raise ResumeError(f"{path} is another sweep:\n{lines}\nuse --force without --resume to begin anew")
-
-
-def _shown(value: object) -> str:
-    text = "nothing" if value is None else json.dumps(value, ensure_ascii=False)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    then = {key: old[key] for key in facts if key in old}
+    if told := first_lines(differences(then, json_ready(facts)[0])):
+        raise ResumeError(f"{path} is another sweep:\n{told}\nuse --force without --resume to begin anew")

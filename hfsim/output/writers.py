@@ -6,6 +6,7 @@ non-finite numbers into null and says which they were.
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import platform
@@ -49,6 +50,10 @@ _SUMMARY_KEYS = (
     "plan",
 )
 """Keys that every summary has, with null where the simulation does not know."""
+_LONGEST = 200
+"""Characters of two lists that are told whole."""
+_TOLD = 20
+"""Differences that are told."""
 
 
 class Provenance(NamedTuple):
@@ -137,13 +142,46 @@ def _collect(parts: dict[str, tuple[Any, list[str]]]) -> tuple[dict[str, Any], l
     return {key: value for key, (value, _) in parts.items()}, bad
 
 
-def leaves(entry: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+def differences(
+    old: Mapping[str, Any], new: Mapping[str, Any], may_differ: Sequence[str] = ()
+) -> Iterator[str]:
+    """Yield a line for each entry of maps within maps that both have, or one of them, with another value."""
+    then, now = dict(_leaves(old)), dict(_leaves(new))
+    for key in dict.fromkeys((*then, *now)):
+        if then.get(key) != now.get(key) and key not in may_differ:
+            before, after = _short(then.get(key, "not there"), now.get(key, "not there"))
+            yield f"  {key}: {before} then, {after} now"
+
+
+def first_lines(lines: Iterable[str]) -> str:
+    """Return lines as text, of many the first and how many more there are."""
+    every = [*lines]
+    if len(every) > _TOLD:
+        every[_TOLD:] = [f"  and {len(every) - _TOLD} more"]
+    return "\n".join(every)
+
+
+def _leaves(entry: Any, path: str = "") -> Iterator[tuple[str, Any]]:
     """Yield dotted path and value of all that is in maps within maps."""
     if not isinstance(entry, dict):
         yield path, entry
         return
     for key, value in entry.items():
-        yield from leaves(value, f"{path}.{key}" if path else str(key))
+        yield from _leaves(value, f"{path}.{key}" if path else str(key))
+
+
+def _short(old: Any, new: Any) -> tuple[str, str]:
+    """Return two entries that differ as text; of long lists, where they first do so."""
+    if isinstance(old, list) and isinstance(new, list) and len(str(old)) + len(str(new)) > _LONGEST:
+        if len(old) != len(new):
+            return f"{len(old)} entries", f"{len(new)} entries"
+        k = next(k for k, (a, b) in enumerate(zip(old, new, strict=True)) if a != b)
+        return f"entry {k} {old[k]}", f"{new[k]}"
+    return _plain(old), _plain(new)
+
+
+def _plain(value: Any) -> str:
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
 def summary_of(run: Run, provenance: Provenance, files: Sequence[str]) -> dict[str, Any]:

@@ -385,10 +385,10 @@ def test_a_sweep_goes_on_and_its_table_is_the_same(wheel):
 @pytest.mark.parametrize(
     ("options", "difference"),
     [
-        (("--set", "bodies.hub.mass=2"), "resolved.bodies.hub.mass: 1.0 there, 2.0 here"),
+        (("--set", "bodies.hub.mass=2"), "resolved.bodies.hub.mass: 1.0 then, 2.0 now"),
         (("--collect", "max(hub.angle)"), "collect"),
-        (("--vary", "solve.duration=1,2"), "count: 12 there, 24 here"),
-        (("--no-error-estimate",), "setting.error_estimate: true there, false here"),
+        (("--vary", "solve.duration=1,2"), "count: 12 then, 24 now"),
+        (("--no-error-estimate",), "setting.error_estimate: true then, false now"),
     ],
 )
 def test_a_changed_deck_or_plan_is_refused_with_the_difference(wheel, options, difference):
