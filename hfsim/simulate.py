@@ -92,10 +92,10 @@ def simulate(
     stages = Stages(progress or nobody, wish)
     course: Course | None = None
     if "auto" in loaded.deck.models(model or loaded.deck.solve.model).values():
-        from hfsim.trust.adaptive import run_adaptive
+        from hfsim.trust.adaptive import Adaptive
 
         with clock.phase("solve"):
-            course = run_adaptive(loaded, model, stages.solving, record)
+            course = Adaptive(loaded, model, stages.solving, record).run()
         legs = course.legs
     else:
         with clock.phase("build"):

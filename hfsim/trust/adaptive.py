@@ -126,22 +126,9 @@ class _Exit(NamedTuple):
     reason: str
 
 
-def run_adaptive(
-    loaded: LoadedDeck, model: str | None, progress: Progress | None, record: Record
-) -> Course:
-    """Run a scene whose models are chosen on the way; what is kept of it goes to the record.
-
-    Raises
-    ------
-    DeckError
-        If the scene cannot be assembled.
-    """
-    return _Adaptive(loaded, model, progress, record).run()
-
-
 @dataclass
-class _Adaptive:
-    """One adaptive run under way."""
+class Adaptive:
+    """A run under way whose models are chosen in it; what is kept of it goes to the record."""
 
     loaded: LoadedDeck
     model: str | None
@@ -158,7 +145,7 @@ class _Adaptive:
         self.forecast: dict[str, dict[str, tuple[Array, Array]]] = {}
 
     def run(self) -> Course:
-        """Make legs until the end, each with the models that the one before asked for."""
+        """Make legs until the end, each with the models that the one before asked for; raise `DeckError`."""
         deck = self.loaded.deck
         scene, begin = self._first_scene(), 0.0
         self.record.open(scene)
@@ -293,7 +280,7 @@ class _Adaptive:
 class _Watch:
     """Ends a leg of flexible models soon after an estimate passes the bound."""
 
-    run: _Adaptive
+    run: Adaptive
     scene: Scene
 
     def __post_init__(self) -> None:
