@@ -16,7 +16,6 @@ from hfsim.maths.rotations import wrap
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.force import ConstantForce, ForcePart
 from hfsim.mechanics.point_loads import Load
-from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.resistances import Push
 from hfsim.mechanics.statics.closing import Closing
 from hfsim.mechanics.statics.equilibrium import Equilibrium, Search
@@ -29,7 +28,7 @@ from hfsim.mechanics.ties import Tie
 from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.acting import undirected
 from hfsim.scene.assembly import few_of
-from hfsim.scene.gauging import Assembled, gauge_of
+from hfsim.scene.gauging import Assembled, gauge_of, rigid_motions
 from hfsim.scene.measured import Measured, uncounted
 
 FELT = 1e-3
@@ -235,23 +234,6 @@ def loads_of(scene: Assembled) -> list[str]:
     """Return the names of all that a load factor can be of: loads, motors, and gravity."""
     names = {name for part in scene.system.forces if (name := _load(part))}
     return sorted(names | ({GRAVITY} if any(scene.deck.gravity) else set()))
-
-
-# --- bodies ---------------------------------------------------------------------------------------
-
-
-def rigid_motions(scene: Assembled, x: Array, bodies: Collection[str] | None = None) -> Array:
-    """Return the motions of each body, or of some, by itself from coordinates (1, n_x) on, (k, n_x)."""
-    found = [np.zeros((0, x.shape[1]))]
-    for name, body in scene.bodies.items():
-        if not body.still and (bodies is None or name in bodies):
-            angle = scene.start_angles[name]
-            plane = len(body.origin) == 2
-            own = body.freedoms(x[0], Pose.planar(body.origin, angle) if plane else Pose.level(body.origin))
-            motions = np.zeros((len(own), x.shape[1]))
-            motions[:, body.columns] = own
-            found.append(motions)
-    return np.concatenate(found)
 
 
 # --- what to say of it ----------------------------------------------------------------------------

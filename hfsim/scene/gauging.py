@@ -1,8 +1,8 @@
-"""By what changes of a scene are measured, without a unit."""
+"""How the bodies of a scene can move, each by itself, and by what changes of it are measured."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,6 +11,7 @@ from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.matrices import Matrix, is_sparse
 from hfsim.mechanics.body import Body, VectorBody
 from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.statics.gauge import Gauge
 from hfsim.mechanics.system import System
 from hfsim.parts.resistances import SlidingResistanceSpec
@@ -69,6 +70,20 @@ class Assembled(Protocol):
 
     def remade(self, models: Mapping[str, str]) -> Assembled:
         """Return the scene with other models of some beams."""
+
+
+def rigid_motions(scene: Assembled, x: Array, bodies: Collection[str] | None = None) -> Array:
+    """Return the motions of each body, or of some, by itself from coordinates (1, n_x) on, (k, n_x)."""
+    found = [np.zeros((0, x.shape[1]))]
+    for name, body in scene.bodies.items():
+        if not body.still and (bodies is None or name in bodies):
+            angle = scene.start_angles[name]
+            plane = len(body.origin) == 2
+            own = body.freedoms(x[0], Pose.planar(body.origin, angle) if plane else Pose.level(body.origin))
+            motions = np.zeros((len(own), x.shape[1]))
+            motions[:, body.columns] = own
+            found.append(motions)
+    return np.concatenate(found)
 
 
 def gauge_of(scene: Assembled, q: Array | None = None) -> Gauge:

@@ -14,8 +14,8 @@ from hfsim.mechanics.statics.newton import HOLD, Effort, stepped
 from hfsim.mechanics.statics.problem import Problem, State
 from hfsim.mechanics.statics.stability import are_pushed, neutral
 from hfsim.mechanics.turning import Turning
-from hfsim.scene.equilibrium import equilibrium_of, problem_of, rigid_motions, standing, why_not
-from hfsim.scene.gauging import Assembled, gauge_of
+from hfsim.scene.equilibrium import equilibrium_of, problem_of, standing, why_not
+from hfsim.scene.gauging import Assembled, gauge_of, rigid_motions
 
 
 def nearby(scene: Assembled, t: float, x: Array, turning: Turning, moving: bool = True) -> Array | None:

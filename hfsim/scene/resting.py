@@ -16,15 +16,8 @@ from hfsim.mechanics.statics.problem import Problem
 from hfsim.mechanics.statics.stability import neutral
 from hfsim.mechanics.turning import Turning
 from hfsim.scene.assembly import UNITS, Assembly, Change, listed
-from hfsim.scene.equilibrium import (
-    Turns,
-    doubts,
-    equilibrium_of,
-    problem_of,
-    rigid_motions,
-    why_not,
-)
-from hfsim.scene.gauging import Assembled
+from hfsim.scene.equilibrium import Turns, doubts, equilibrium_of, problem_of, why_not
+from hfsim.scene.gauging import Assembled, rigid_motions
 from hfsim.scene.initial import AT_REST, STEADY
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.measured import Measured

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +17,7 @@ from hfsim.mechanics.body import Body
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.mechanics.system import System
 from hfsim.scene.build import Scene
+from hfsim.scene.gauging import rigid_motions
 from hfsim.scene.measured import uncounted
 from hfsim.trust.experiments import command_exact
 from hfsim.trust.quasistatic import deformation_of
@@ -79,6 +79,7 @@ def _handed_over(old: Scene, new: Scene, path: Trajectory) -> tuple[Scene, float
     for name, body in old.bodies.items():
         if body.angle_column is not None:
             angles[name] = float(arranged[0, body.angle_column])
+    new = replace(new, start_angles=angles)
     y, w, near = (np.zeros((1, new.system.n_x)) for _ in range(3))
     for name, body in new.bodies.items():
         before = old.bodies[name]
@@ -93,13 +94,13 @@ def _handed_over(old: Scene, new: Scene, path: Trajectory) -> tuple[Scene, float
                 raise ValueError(f"'{name}' cannot go over {models}") from None
         if body.angle_column is not None:
             near[0, body.angle_column] = angles[name]
-    _close(new, time, y, angles)
+    _close(new, time, y)
     state, rate = new.system.state(y, w, new.system.reduction.free_rates(near))
     state, rate = new.system.project(time, state, rate)
     if not (in_scale(state[0], path.q) and in_scale(rate[0], path.v)):
         raise np.linalg.LinAlgError("the state to start in is beyond all scale")
     gained = _energy(new.system, time, state, rate) - _energy(old.system, time, q[None], v[None])
-    return replace(new, q=state[0], v=rate[0], start_angles=angles, begin=float(path.t_end)), gained
+    return replace(new, q=state[0], v=rate[0], begin=float(path.t_end)), gained
 
 
 def hand_memory(old: System, new: System, t: Array, x: Array) -> None:
@@ -123,14 +124,14 @@ def _motion(body: Body, x: Array, u: Array) -> tuple[Pose, Twist]:
     return Pose(root.position(x)[0], turn), twist
 
 
-def _close(scene: Scene, t: Array, y: Array, angles: Mapping[str, float]) -> None:
+def _close(scene: Scene, t: Array, y: Array) -> None:
     """Close the joints by rigid motions of the bodies, in place, as far as these can."""
     phi = scene.system.unreduced.phi
     if not phi.constraints:
         return
     gap = phi.residual(t, y)[0]
     for _ in range(CLOSING):
-        motions = np.concatenate([_motions(body, y, angles[name]) for name, body in scene.bodies.items()])
+        motions = rigid_motions(scene, y)
         trial = y - smallest_step(_changes(phi.jacobians(y)[0], motions), gap) @ motions
         left = phi.residual(t, trial)[0]
         if not left @ left < gap @ gap:
@@ -145,15 +146,6 @@ def _changes(J: Array, motions: Array) -> Array:
     """
     changes, terms = J @ motions.T, np.abs(J) @ np.abs(motions).T
     return np.where(np.abs(changes) > UNCHANGED * terms, changes, 0.0)
-
-
-def _motions(body: Body, y: Array, angle: float) -> Array:
-    """Return the changes of x with the rigid freedoms of a body, shape (n_freedoms, n_x)."""
-    pose = Pose.planar(body.origin, angle) if len(body.origin) == 2 else Pose.level(body.origin)
-    own = body.freedoms(y[0], pose)
-    motions = np.zeros((len(own), y.shape[1]))
-    motions[:, body.columns] = own
-    return motions
 
 
 def _energy(system: System, t: Array, q: Array, v: Array) -> float:

@@ -25,9 +25,9 @@ from hfsim.scene.equilibrium import (
     equilibrium_of,
     held_by_nothing,
     problem_of,
-    rigid_motions,
     why_not,
 )
+from hfsim.scene.gauging import rigid_motions
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.shipped import find_deck
 from hfsim.simulate import simulate

@@ -10,6 +10,7 @@ from called import call
 from hfsim.marching.integration import run_integration
 from hfsim.output.report import as_text
 from hfsim.scene.build import build
+from hfsim.scene.gauging import rigid_motions
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
 from hfsim.trust import handover
@@ -276,13 +277,13 @@ def test_rigid_motions_close_nothing_of_sections_in_scenes_of_any_size(n_dim, si
     before, after = old.marker("b"), new.marker("b")
     assert after.position(y) == pytest.approx(before.position(x), abs=1e-9 * size)
     assert after.frame(y) == pytest.approx(before.frame(x), abs=1e-9)
-    motions = handover._motions(new.bodies["b"], y, 0.0)
+    motions = rigid_motions(new, y)
     assert not handover._changes(new.system.unreduced.phi.jacobians(y)[0], motions).any()
 
 
 @pytest.mark.parametrize("interval", [0.002, 0.25])
 def test_a_change_that_finds_no_state_ends_the_run_and_says_so(interval, tmp_path, monkeypatch):
-    def blown_up(scene, t, y, angles):
+    def blown_up(scene, t, y):
         y *= 1e120
 
     monkeypatch.setattr(handover, "_close", blown_up)
