@@ -193,13 +193,12 @@ class Study:
         from hfsim.output.writers import json_ready, table_text, versions
 
         files = [*(f"{stem}.csv" for stem in tables), *also, f"{self.kind}.json"] if self.folder else []
-        told = {**facts, **self.about, "versions": versions(), "files": files}
+        told: dict[str, Any] = json_ready({**facts, **self.about, "versions": versions(), "files": files})
         if self.folder is None:
-            return dict(json_ready(told)[0])
+            return told
         self.begin()
         with disk(self.path):
             for stem, (columns, rows) in tables.items():
                 write_text(self.path / f"{stem}.csv", table_text(rows, columns))
-            plain, _ = json_ready(told)
-            write_json(self.path / f"{self.kind}.json", plain)
-        return dict(plain)
+            write_json(self.path / f"{self.kind}.json", told)
+        return told

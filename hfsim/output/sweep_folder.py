@@ -156,7 +156,7 @@ class SweepFolder:
 
     def _tell(self, status: str) -> None:
         facts = {"status": status, **self.facts, "files": [RUNS, SWEEP]}
-        write_json(self.path / SWEEP, json_ready(facts)[0])
+        write_json(self.path / SWEEP, json_ready(facts))
 
     def close(self) -> None:
         """Let go of the folder."""
@@ -197,5 +197,5 @@ def refuse_changed(path: Path, facts: Mapping[str, Any]) -> None:
     except (OSError, ValueError):
         raise ResumeError(f"{path} has no sweep to go on with") from None
     then = {key: old[key] for key in facts if key in old}
-    if told := first_lines(differences(then, json_ready(facts)[0])):
+    if told := first_lines(differences(then, json_ready(facts))):
         raise ResumeError(f"{path} is another sweep:\n{told}\nuse --force without --resume to begin anew")

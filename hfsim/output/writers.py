@@ -111,35 +111,26 @@ def cell(value: object) -> str:
     return '"' + text.replace('"', '""') + '"' if set(text) & set(',"\n') else text
 
 
-def json_ready(value: Any, path: str = "") -> tuple[Any, list[str]]:
-    """Return `value` in plain JSON types, and the paths of the numbers that were not finite (now None).
+def json_ready(value: Any, path: str = "", lost: list[str] | None = None) -> Any:
+    """Return `value` in plain JSON types, null for numbers that are not finite, whose paths `lost` is given.
 
     Examples
     --------
-    >>> json_ready({"a": [1.0, float("nan")]})
+    >>> json_ready({"a": [1.0, float("nan")]}, lost=(lost := [])), lost
     ({'a': [1.0, None]}, ['a.1'])
     """
+    at = f"{path}." if path else ""
     if isinstance(value, Mapping):
-        return _collect({str(k): json_ready(v, _join(path, k)) for k, v in value.items()})
+        return {str(k): json_ready(v, f"{at}{k}", lost) for k, v in value.items()}
     if isinstance(value, np.ndarray | np.generic):
-        return json_ready(value.tolist(), path)
+        return json_ready(value.tolist(), path, lost)
     if isinstance(value, list | tuple):
-        parts = _collect({str(i): json_ready(v, _join(path, i)) for i, v in enumerate(value)})
-        return list(parts[0].values()), parts[1]
+        return [json_ready(v, f"{at}{i}", lost) for i, v in enumerate(value)]
     if isinstance(value, float) and not math.isfinite(value):
-        return None, [path]
-    if value is None or isinstance(value, bool | int | float | str):
-        return value, []
-    return str(value), []
-
-
-def _join(path: str, key: object) -> str:
-    return f"{path}.{key}" if path else str(key)
-
-
-def _collect(parts: dict[str, tuple[Any, list[str]]]) -> tuple[dict[str, Any], list[str]]:
-    bad = [name for _, names in parts.values() for name in names]
-    return {key: value for key, (value, _) in parts.items()}, bad
+        if lost is not None:
+            lost.append(path)
+        return None
+    return value if value is None or isinstance(value, bool | int | float | str) else str(value)
 
 
 def differences(
@@ -222,11 +213,10 @@ def summary_of(run: Run, provenance: Provenance, files: Sequence[str]) -> dict[s
         "versions": versions(),
         "files": list(files),
     }
-    plain: dict[str, Any]
-    plain, bad = json_ready(facts)
-    lost = [f"{name} is not finite: written as null" for name in bad]
-    plain["warnings"] = [*warnings_of(run), *lost]
-    return plain
+    lost: list[str] = []
+    plain: dict[str, Any] = json_ready(facts, lost=lost)
+    nulls = [f"{name} is not finite: written as null" for name in lost]
+    return {**plain, "warnings": [*warnings_of(run), *nulls]}
 
 
 def running_summary(name: str, model: str, provenance: Provenance) -> dict[str, Any]:

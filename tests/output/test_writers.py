@@ -100,9 +100,9 @@ def test_writers_refuse_what_is_not_finite(tmp_path):
 
 
 def test_non_finite_numbers_in_json_become_null_and_are_named():
-    plain, bad = json_ready(
-        {"a": np.float64("nan"), "b": [np.inf, np.int64(2)], "c": np.array([1.0, np.nan])}
-    )
+    bad = []
+    facts = {"a": np.float64("nan"), "b": [np.inf, np.int64(2)], "c": np.array([1.0, np.nan])}
+    plain = json_ready(facts, lost=bad)
     assert plain == {"a": None, "b": [None, 2], "c": [1.0, None]}
     assert bad == ["a", "b.0", "c.1"]
 
