@@ -56,7 +56,7 @@ class _Generator(pydantic.json_schema.GenerateJsonSchema):
     def model_schema(self, schema: Any) -> dict[str, Any]:
         """Return the schema of an entry with the text of its class and of each key."""
         spec, found = schema["cls"], super().model_schema(schema)
-        fields, told = dict(zip(spec.keys(), spec.model_fields, strict=True)), field_texts(spec)
+        fields, told = spec.fields_by_key(), field_texts(spec)
         found["description"] = " ".join((spec.__doc__ or "").split("\n\n")[0].split())
         found.pop("title", None)
         for key, one in found.get("properties", {}).items():

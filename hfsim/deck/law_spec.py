@@ -60,7 +60,7 @@ class LawSpec(Spec):
 
     def turns_in_degrees(self) -> Iterator[Complaint]:
         """Yield values that look like degrees where the law drives an angle."""
-        for key, name in zip(self.keys(), type(self).model_fields, strict=True):
+        for key, name in self.fields_by_key().items():
             if key in self.value_keys:
                 yield from degrees_as_radians(key, getattr(self, name))
 

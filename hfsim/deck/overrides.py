@@ -136,7 +136,7 @@ def _may_stand(data: dict[str, Any], path: Path, spec: type[Spec]) -> bool:
 def _keys_at(data: dict[str, Any], path: Path, spec: type[Spec]) -> set[Any]:
     """Return the keys with a meaning of what may stand at a path."""
     kinds = _kinds_at(spec, path, all_fields=True)[0]
-    found = {key for kind in kinds if get_origin(kind) is not dict for key in _fields_of(kind)}
+    found = {key for kind in kinds if get_origin(kind) is not dict for key in kind.fields_by_key()}
     info = _field_at(spec, path[0]) if len(path) == 1 else None
     for mark in info.metadata if info else ():
         if isinstance(mark, NamesOf):
@@ -184,7 +184,7 @@ def left_empty(source: DeckSource, spec: type[Spec]) -> Iterator[Complaint]:
         if stated or len(path) < 2 or _kinds_at(spec, path)[0]:
             continue
         around = (kind for kind in _kinds_at(spec, path[:-1])[0] if get_origin(kind) is not dict)
-        if any(path[-1] in _fields_of(kind) for kind in around):
+        if any(path[-1] in kind.fields_by_key() for kind in around):
             yield Complaint(path, "is empty", "give it a value, or leave the key out")
 
 
@@ -236,7 +236,7 @@ def unit_of(entry: Any, path: Path) -> str:
     """
     for step in path[:-1]:
         if isinstance(entry, Spec):
-            entry = getattr(entry, _fields_of(type(entry)).get(step, ""), None)
+            entry = getattr(entry, entry.fields_by_key().get(step, ""), None)
         else:
             entry = entry.get(step) if isinstance(entry, dict) else None
     if not isinstance(entry, Spec):
@@ -248,12 +248,7 @@ def unit_of(entry: Any, path: Path) -> str:
 
 def _field_at(spec: type[Spec], key: Any) -> Any:
     """Return what is known of the field with a key in decks; None if there is none."""
-    return spec.model_fields.get(_fields_of(spec).get(key, ""))
-
-
-def _fields_of(spec: type[Spec]) -> dict[Any, str]:
-    """Return the names of fields by their keys in decks."""
-    return dict(zip(spec.keys(), spec.model_fields, strict=True))
+    return spec.model_fields.get(spec.fields_by_key().get(key, ""))
 
 
 def _units_of(kind: Any) -> Iterator[str]:

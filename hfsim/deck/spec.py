@@ -66,7 +66,12 @@ class Spec(BaseModel):
     @classmethod
     def keys(cls) -> list[str]:
         """Return the keys that an entry may have, as decks spell them."""
-        return [info.alias or name for name, info in cls.model_fields.items()]
+        return list(cls.fields_by_key())
+
+    @classmethod
+    def fields_by_key(cls) -> dict[Any, str]:
+        """Return the names of fields by their keys in decks."""
+        return {info.alias or name: name for name, info in cls.model_fields.items()}
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> CoreSchema:
@@ -331,7 +336,7 @@ def _explained(spec: type[Spec], item: ErrorDetails) -> Complaint:
     if kind == "missing":
         from hfsim.deck.field_texts import field_texts
 
-        field = dict(zip(spec.keys(), spec.model_fields, strict=True))[str(path[-1])]
+        field = spec.fields_by_key()[str(path[-1])]
         return Complaint(path, "missing key", field_texts(spec).get(field, "").rstrip("."), True)
     if kind == "literal_error":
         return wrong_choice(path, item["input"], re.findall(r"'([^']*)'", context["expected"]))

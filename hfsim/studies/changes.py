@@ -20,13 +20,9 @@ Changes: TypeAlias = Callable[[Deck, float], Iterator[tuple[str, object]]]
 def _at(entry: Any, key: str) -> Any:
     """Return what an entry of a deck has at a dotted key; None where it has no such field."""
     for step in key.split("."):
-        fields = dict(zip(type(entry).keys(), type(entry).model_fields, strict=True)) if _is(entry) else {}
+        fields = entry.fields_by_key() if isinstance(entry, Spec) else {}
         entry = getattr(entry, fields[step], None) if step in fields else None
     return entry
-
-
-def _is(entry: Any) -> bool:
-    return isinstance(entry, Spec)
 
 
 def _times(factor: float, value: Any) -> Any:
