@@ -84,7 +84,7 @@ def _columns(source: DeckSource, folder: Folder, path: Path, entry: dict[str, An
     if len(header) < 2 or all(plain_number(cell.text) is not None for cell in header):
         where = Mark(header[0].mark.line if header else 1, 1, 1, file.name)
         message = "a table has at least two columns and begins with their names"
-        raise _Wrong(_wrong(at, message, "", where))
+        raise _Wrong(_wrong(at, message, where))
     found = [_place(source, path, entry, header, k) for k in range(2)]
     columns: _Columns = ([], [])
     problems = []
@@ -94,12 +94,12 @@ def _columns(source: DeckSource, folder: Folder, path: Path, entry: dict[str, An
             number = plain_number(cell.text)
             if number is None or not math.isfinite(number):
                 message = f"{header[k].text} must be a number, not '{cell.text}'"
-                problems.append(_wrong(at, message, "", cell.mark))
+                problems.append(_wrong(at, message, cell.mark))
             column.append(cell)
         if len(problems) >= _MOST_TOLD or len(columns[0]) > MOST_POINTS:
             break
     if len(columns[0]) < 2 and not problems:
-        problems.append(_wrong(at, "a table has at least two rows of numbers", "", header[0].mark))
+        problems.append(_wrong(at, "a table has at least two rows of numbers", header[0].mark))
     if problems:
         raise _Wrong(*problems)
     return columns
@@ -153,5 +153,5 @@ def _put(source: DeckSource, path: Path, entry: dict[str, Any], columns: _Column
         source.value_marks.update({(*path, key, k): cell.mark for k, cell in enumerate(column)})
 
 
-def _wrong(path: Path, message: str, hint: str, mark: Mark) -> DeckProblem:
-    return DeckProblem(dotted(path), message, hint, *mark)
+def _wrong(path: Path, message: str, mark: Mark) -> DeckProblem:
+    return DeckProblem(dotted(path), message, "", *mark)

@@ -212,7 +212,7 @@ class Facings:
         if self._deck.dimension == 2:
             return ()
         oriented = joint.turns and _oriented(joint)
-        if oriented or _among(joint, self._loose) or (self._by_own and self._guessed(joint)):
+        if oriented or any(one is joint for one in self._loose) or (self._by_own and self._guessed(joint)):
             return (_held(joint),)
         a, b = (split_point(end)[0] for end in joint.between)
         stated = _held(joint)
@@ -243,10 +243,6 @@ def _leads(joint: JointSpec) -> bool:
 def _oriented(joint: JointSpec) -> bool:
     """Tell whether a joint states how its bodies face each other where its angle is zero."""
     return getattr(joint, "orientation", None) is not None
-
-
-def _among(joint: JointSpec, joints: Iterable[JointSpec]) -> bool:
-    return any(one is joint for one in joints)
 
 
 def by_holding(joint: JointSpec, known: Array, back: bool) -> Array | None:

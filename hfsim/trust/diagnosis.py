@@ -264,15 +264,12 @@ def _stays(stop: SolverFailure, trial: Experiments) -> SolverFailure:
         growing = int(np.argmax(values.real))
         evidence["growth_rate"] = float(values.real[growing])
         item = item or body_of(trial.scene, np.abs(vectors[:n, growing]))
-    if trial.undecided and (trial.open_in_time or sum(map(_fails, trial.outcomes.values())) < 2):
+    failed = sum(outcome.startswith("fails") for outcome in trial.outcomes.values())
+    if trial.undecided and (trial.open_in_time or failed < 2):
         # too few experiments came to an end to put it down to the physics
         evidence["undecided"] = "the experiments that tell did not come to an end in the time allowed"
         return _classed(stop, stop.kind, item, evidence, trial.command(trial.finer()))
     return _classed(stop, "physical", item, evidence, trial.command_until_then())
-
-
-def _fails(outcome: str) -> bool:
-    return outcome.startswith("fails")
 
 
 def _crushed(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
