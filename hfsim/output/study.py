@@ -38,22 +38,6 @@ def time_to_draw(plots: bool, seconds: float) -> float:
     return min(_DRAWING[0], _DRAWING[1] * seconds) if plots else 0.0
 
 
-def claim_study(kind: str, to: Destination, name: str) -> RunFolder:
-    """Ask for the folder of a study, ``<name>.<kind>`` where none is named; nothing is written yet.
-
-    Raises
-    ------
-    FolderError
-        If a finished study stands there, or the folder cannot be written to.
-    """
-    from hfsim.output.runfolder import FolderError, claim, folder_name
-
-    path, marker = to.output or Path(folder_name(name, f".{kind}")), f"{kind}.json"
-    if (path / marker).exists() and not to.force:
-        raise FolderError(f"{path} already holds a study; use --force to replace it, or -o DIR")
-    return claim(path, to.force, marker)
-
-
 @dataclass(frozen=True)
 class Study:
     """Where the results of one study go.
@@ -83,8 +67,19 @@ class Study:
     def claim(
         cls, kind: str, to: Destination, name: str, talk: Talk, about: Mapping[str, object] | None = None
     ) -> Study:
-        """Return a study with its folder granted; see `claim_study`."""
-        return cls(kind, talk, claim_study(kind, to, name), to.plots, about or {}, to.format)
+        """Return a study with its folder granted, ``<name>.<kind>`` where none is named; nothing is written.
+
+        Raises
+        ------
+        FolderError
+            If a finished study stands there, or the folder cannot be written to.
+        """
+        from hfsim.output.runfolder import FolderError, claim, folder_name
+
+        path, marker = to.output or Path(folder_name(name, f".{kind}")), f"{kind}.json"
+        if (path / marker).exists() and not to.force:
+            raise FolderError(f"{path} already holds a study; use --force to replace it, or -o DIR")
+        return cls(kind, talk, claim(path, to.force, marker), to.plots, about or {}, to.format)
 
     @property
     def path(self) -> Path:
