@@ -22,11 +22,12 @@ from hfsim.output.arguments import (
     callback,
     deck_text,
     destination,
+    finished,
     flags,
     in_arguments,
-    integral,
     model_setting,
     no_deck,
+    often,
     real,
     settings,
     several,
@@ -315,21 +316,18 @@ def compare(
     from hfsim.studies.farm import Here
 
     real(max_error=max_error)
-    integral(repeats=repeats)
+    often(repeats)
     flags(error_estimate=error_estimate)
     callback(progress=progress)
     if not 0.0 < max_error < math.inf:
         raise ArgumentError(f"max_error is {max_error}: a difference is held against a positive number")
-    if repeats < 1:
-        raise ArgumentError(f"repeats is {repeats}: solves are timed once at least")
     base = load(deck, changes)
     wanted = study.usual_models(base.changed, nobody) if models is None else several("models", models)
     chosen = study.chosen_models(wanted, reference)
     refuse_unknown("model", chosen, MODELS)
     prepared = study.prepare(base.changed, chosen, reference, several("channels", channels), nobody)
     found = study.carry_out(prepared, max_error, repeats, Here(), progress, error_estimate)
-    if found.interrupted:
-        raise Interrupted("interrupted from the keyboard", found)
+    finished(found, found.interrupted)
     return found
 
 
@@ -369,8 +367,7 @@ def verify(
     named: Sequence[Any] = list(decks) or list(shipped) if many else [decks]  # type: ignore[arg-type]
     found = (shipped.get(each, each) if isinstance(each, str) else each for each in named)
     result = study.verify(study.entries_of(load(each) for each in found), Farm(jobs), progress or nobody)
-    if result.interrupted:
-        raise Interrupted("interrupted from the keyboard", result)
+    finished(result, result.interrupted)
     return result
 
 

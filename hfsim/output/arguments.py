@@ -133,6 +133,13 @@ def integral(**given: int | None) -> None:
             raise ArgumentError(f"{argument} is {value}: it is a whole number")
 
 
+def often(repeats: int) -> None:
+    """Refuse what does not say how often something is timed."""
+    integral(repeats=repeats)
+    if repeats < 1:
+        raise ArgumentError(f"repeats is {repeats}: what is short is timed once at least")
+
+
 def flags(**given: bool) -> None:
     """Refuse what is neither true nor false: any text would count as true."""
     for argument, value in given.items():
@@ -227,13 +234,13 @@ def workers(jobs: int, dask: str, dask_config: str | os.PathLike[str] | None) ->
     return Workers(jobs or os.cpu_count() or 1, dask, None if dask_config is None else Path(dask_config))
 
 
-def finished(found: Any, status: str, executor: Executor) -> None:
+def finished(found: Any, interrupted: bool, executor: Executor | None = None) -> None:
     """Raise what has ended a study before its end: a cluster that was lost, or a signal."""
-    from hfsim.studies.cluster import ClusterLost
+    if executor is not None and executor.lost:
+        from hfsim.studies.cluster import ClusterLost
 
-    if executor.lost:
         raise ClusterLost(executor.lost)
-    if status == "interrupted":
+    if interrupted:
         raise Interrupted("interrupted from the keyboard", found)
 
 

@@ -7,7 +7,6 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from hfsim.errors import ArgumentError, Interrupted
 from hfsim.marching.stop import Budget, Progress, nobody
 from hfsim.output.api import for_models, load
 from hfsim.output.arguments import (
@@ -15,8 +14,8 @@ from hfsim.output.arguments import (
     callback,
     destination,
     finished,
-    integral,
     numbers,
+    often,
     positive,
     several,
     study_in,
@@ -100,7 +99,7 @@ def bench(
     start = time.process_time()
     positive(budget=budget)
     callback(progress=progress)
-    _refuse_repeats(repeats)
+    often(repeats)
     wanted = Sweep(
         several("methods", methods), several("models", models), numbers("tolerances", tolerances),
         numbers("steps", steps), numbers("elements", elements, int), numbers("degrees", degrees, int),
@@ -118,7 +117,7 @@ def bench(
         result = measure(loaded, wanted, allowed, executor, drawing)
     if study is not None:
         publish_bench(result, study)
-    finished(result, result.status, executor)
+    finished(result, result.status == "interrupted", executor)
     return result
 
 
@@ -161,7 +160,7 @@ def separation(
     start = time.process_time()
     positive(budget=budget)
     callback(progress=progress)
-    _refuse_repeats(repeats)
+    often(repeats)
     counts, batches = numbers("elements", elements, int), numbers("states", states, int)
     kinds = known_kinds(several("element", element))
     study = study_in("bench", destination(output, force, plots), "separation")
@@ -171,12 +170,5 @@ def separation(
     result = measure(counts, kinds, repeats, allowed, batches)
     if study is not None:
         publish_separation(result, study)
-    if result.status == "interrupted":
-        raise Interrupted("interrupted from the keyboard", result)
+    finished(result, result.status == "interrupted")
     return result
-
-
-def _refuse_repeats(repeats: int) -> None:
-    integral(repeats=repeats)
-    if repeats < 1:
-        raise ArgumentError(f"repeats is {repeats}: what is short is timed once at least")

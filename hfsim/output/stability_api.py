@@ -128,7 +128,7 @@ def stability(
         result = stability_map(loaded, plan, executor, bisect, progress or nobody, ending)
     if study is not None:
         publish_map(result, study, ending)
-    finished(result, result.status, executor)
+    finished(result, result.status == "interrupted", executor)
     return result
 
 
@@ -182,7 +182,7 @@ def limits(
         found = limits_of_models(loaded, wanted, plan.methods, plan.seconds, limit, executor)
     if study is not None:
         publish_limits(found, study)
-    finished(tuple(found), "interrupted" if found[-1].interrupted else "done", executor)
+    finished(tuple(found), found[-1].interrupted, executor)
     return tuple(found)
 
 

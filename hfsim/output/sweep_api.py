@@ -210,5 +210,5 @@ class _Work(NamedTuple):
             else:
                 with in_arguments():
                     result = into_folder(wanted, executor, self.to, Talk(quiet=True), told, self.resume)
-        finished(result, result.status, executor)
+        finished(result, result.status == "interrupted", executor)
         return result, wanted
