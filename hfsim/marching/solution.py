@@ -152,6 +152,12 @@ class Run(Columns):
         return replace(self, t=t, channels=channels)
 
     @property
+    def seen(self) -> tuple[ndarray, dict[str, ndarray]] | None:
+        """When outlines were taken [s], (n_outlines,), and those of bodies that have any; None without."""
+        outlines = {body: points for body, points in self.outlines.items() if points.size}
+        return None if self.outline_t is None or not outlines else (self.outline_t, outlines)
+
+    @property
     def units(self) -> dict[str, str]:
         """SI unit of each channel; empty for pure numbers."""
         return {channel.name: channel.unit for channel in self.channels}

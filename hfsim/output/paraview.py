@@ -45,10 +45,10 @@ def write_series(run: Run, stem: str, folder: Path) -> list[str]:
     list of str
         Names of the files, the list of them last; none where the run has no outlines.
     """
-    outlines = {body: points for body, points in run.outlines.items() if points.size}
-    if run.outline_t is None or not len(run.outline_t) or not outlines:
+    if run.seen is None:
         return []
-    frames = np.unique(np.linspace(0, len(run.outline_t) - 1, _MOST).round().astype(int))
+    instants, outlines = run.seen
+    frames = np.unique(np.linspace(0, len(instants) - 1, _MOST).round().astype(int))
     width = max(4, len(str(len(frames))))
     lines = _lines(outlines)
     start = _points(outlines, 0)
@@ -60,10 +60,10 @@ def write_series(run: Run, stem: str, folder: Path) -> list[str]:
         moved = f'<PointData Vectors="displacement">{data}</PointData>'
         piece = f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{len(outlines)}">'
         where = f"<Points>{_array('points', points)}</Points>"
-        time = _array("TimeValue", run.outline_t[frame : frame + 1], tuples=True)
+        time = _array("TimeValue", instants[frame : frame + 1], tuples=True)
         parts = [f"<FieldData>{time}</FieldData>", piece, moved, where, *lines, "</Piece>"]
         (folder / names[-1]).write_text(_document("UnstructuredGrid", parts), "utf-8")
-    times = zip(names, run.outline_t[frames].tolist(), strict=True)
+    times = zip(names, instants[frames].tolist(), strict=True)
     listed = [f'<DataSet timestep="{t!r}" part="0" file={quoteattr(f"vtk/{name}")}/>' for name, t in times]
     (folder / f"{stem}.pvd").write_text(_document("Collection", listed), "utf-8")
     return [*names, f"{stem}.pvd"]

@@ -42,13 +42,13 @@ def animate(run: Run, folder: Path) -> list[str]:
     list of str
         Its name; nothing where the run has no outlines.
     """
-    outlines = {body: points for body, points in run.outlines.items() if points.size}
-    if run.outline_t is None or not len(run.outline_t) or not outlines:
+    if run.seen is None:
         return []
-    tempo = Tempo.of(float(run.outline_t[-1] - run.outline_t[0]))
-    count = min(len(run.outline_t), max(2, round(tempo.lasts * _RATE)))
-    wanted = np.linspace(run.outline_t[0], run.outline_t[-1], count)
-    frames = np.unique(np.abs(run.outline_t[:, None] - wanted).argmin(axis=0))
+    times, outlines = run.seen
+    tempo = Tempo.of(float(times[-1] - times[0]))
+    count = min(len(times), max(2, round(tempo.lasts * _RATE)))
+    wanted = np.linspace(times[0], times[-1], count)
+    frames = np.unique(np.abs(times[:, None] - wanted).argmin(axis=0))
     images = list(_images(run, outlines, frames.tolist(), tempo))
     palette = _palette(images[-1])
     few = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]

@@ -27,9 +27,9 @@ def draw_static(run: Run, folder: Path) -> list[str]:
 
     The run has the outlines of the start and of places of rest. Return the files.
     """
-    outlines = {body: points for body, points in run.outlines.items() if points.size}
     figures: dict[str, Sheet | None] = {}
-    if outlines and run.outline_t is not None and len(run.outline_t) > 1:
+    if run.seen and len(run.seen[0]) > 1:
+        outlines = run.seen[1]
         every = np.concatenate([points.reshape(-1, run.dimension) for points in outlines.values()])
         sheet, views = views_of(every)
         for pair, panel in views.items():

@@ -97,14 +97,12 @@ def faded(own: str, shades: Array) -> Array:
 
 def shown_outlines(run: Run) -> tuple[Array, dict[str, Array]] | None:
     """Return times and outlines at those that a picture shows; None where there are none."""
-    if run.outline_t is None or not len(run.outline_t):
+    if run.seen is None:
         return None
-    outlines = {body: points for body, points in run.outlines.items() if points.size}
-    if not outlines:
-        return None
+    times, outlines = run.seen
     count = _SOLIDS if any(_solid(points[0]) for points in outlines.values()) else _SHAPES
     frames = apart(np.concatenate([*outlines.values()], axis=1), count)
-    return run.outline_t[frames], {body: points[frames] for body, points in outlines.items()}
+    return times[frames], {body: points[frames] for body, points in outlines.items()}
 
 
 def apart(points: Array, most: int) -> IntArray:
