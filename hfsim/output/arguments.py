@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from numbers import Integral, Real
 from pathlib import Path
@@ -105,7 +105,7 @@ def several(argument: str, names: Sequence[str] | str | None) -> tuple[str, ...]
     return found
 
 
-def one_of(argument: str, name: str, known: Sequence[str]) -> None:
+def one_of(argument: str, name: str, known: Collection[str]) -> None:
     """Refuse a word that is not known."""
     if name not in known:
         raise ArgumentError(f"{argument} is {name!r}: {did_you_mean(str(name), known)}")

@@ -108,15 +108,6 @@ class Wanted:
         return facts
 
 
-KEPT = ("nothing", "histories", "folders")
-"""What may be kept of each run beside its row."""
-
-
-def keeper(what: str) -> Keep | None:
-    """Return what makes the files that are kept of a run."""
-    return {"nothing": None, "histories": keep_history, "folders": keep_folder}[what]
-
-
 def keep_history(loaded: LoadedDeck, run: Run) -> dict[str, bytes]:
     """Return the rows of a run as a CSV file."""
     head = ",".join(["t", *(channel.name for channel in run.channels)]) + "\n"
@@ -133,6 +124,10 @@ def keep_folder(loaded: LoadedDeck, run: Run) -> dict[str, bytes]:
         path = Path(made)
         save_run(RunFolder(path), run, provenance, Stopwatch(), RunLog(), Extras())
         return {f"runs/{{number:06}}/{name}": (path / name).read_bytes() for name in FOLDER_FILES}
+
+
+KEPT: dict[str, Keep | None] = {"nothing": None, "histories": keep_history, "folders": keep_folder}
+"""What may be kept of each run beside its row: what makes its files."""
 
 
 # --- doing it ------------------------------------------------------------------------------------
@@ -199,8 +194,7 @@ def wanted_of(
 def check_sweep(loaded: LoadedDeck) -> list[str]:
     """Return notes on a deck's own sweep; raise `SweepError` or `DeckError`, as it would before it runs."""
     notes: list[str] = []
-    if loaded.deck.sweep is not None:
-        wanted_of(Asked(many=True), loaded, notes.append)
+    wanted_of(Asked(many=True), loaded, notes.append)
     return notes
 
 
@@ -216,7 +210,7 @@ def perform(
         done += 1
         progress(done / plan.count)
 
-    interrupted = do_runs(wanted.setting, plan, executor, store.missing, take, keeper(wanted.keep))
+    interrupted = do_runs(wanted.setting, plan, executor, store.missing, take, KEPT[wanted.keep])
     status = "interrupted" if interrupted else "done"
     return gathered(wanted.loaded, status, plan, wanted.setting.collected, store.rows())
 

@@ -122,7 +122,7 @@ def sweep(
         limit=limit, called=_CALLED,
     )  # fmt: skip
     one_of("keep", keep, KEPT)
-    kept = None if keep == KEPT[0] else keep
+    kept = None if keep == "nothing" else keep
     to = destination(output, force, plots, resume=resume, keep=kept)
     work = _Work(workers(jobs, dask, dask_config), to, resume, keep, progress)
     return work.done(asked, load(deck, changes))[0]
@@ -180,7 +180,7 @@ def sensitivity(
         texts, collect=several("collect", collect), many=True, limit=limit, sensitivity=True, called=_CALLED
     )
     to = destination(output, force, plots, resume=resume)
-    work = _Work(workers(jobs, dask, dask_config), to, resume, KEPT[0], progress)
+    work = _Work(workers(jobs, dask, dask_config), to, resume, "nothing", progress)
     result, wanted = work.done(asked, load(deck, changes))
     assert wanted.differences is not None
     return sensitivities(result, wanted.differences)

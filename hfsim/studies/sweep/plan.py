@@ -85,11 +85,6 @@ class Plan:
         """The values of each path."""
         return dict(zip(self.paths, self.values, strict=True))
 
-    @property
-    def axes(self) -> tuple[tuple[Value, ...], ...]:
-        """The values of each path of a grid."""
-        return tuple(one.listed for one in self.values)
-
 
 def readable(vary: Mapping[str, str], random: bool) -> tuple[dict[str, Values], list[DeckProblem]]:
     """Return the values of each path, and what cannot be read; with `random` there may be distributions."""
