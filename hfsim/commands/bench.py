@@ -13,9 +13,9 @@ from hfsim.commands import interrupted
 from hfsim.commands.decks import loader
 from hfsim.commands.options import (
     as_usage,
+    count_option,
     names,
     output_options,
-    repeats_option,
     seconds,
     setting_options,
     talk_options,
@@ -73,7 +73,7 @@ _DEGREES = (
 @_numbers("states", int, "N,M,...", "With --separation: beams that move at once; 1 and 64 without it.")
 @_numbers("degrees", int, "P,Q,...", _DEGREES)
 @time_option("budget", "CPU time all may take, e.g. 90s or 2min.", "60s")
-@repeats_option("Time short points so often and take the median.")
+@count_option("repeats", 3, "Time short points so often and take the median.")
 @timing_workers_options
 @output_options
 @setting_options()

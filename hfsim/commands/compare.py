@@ -16,10 +16,10 @@ from hfsim.commands import interrupted
 from hfsim.commands.decks import command_line, loader
 from hfsim.commands.options import (
     POSITIVE,
+    count_option,
     names,
     output_options,
     refuse_unknown,
-    repeats_option,
     setting_options,
     talk_options,
     timing_workers_options,
@@ -70,7 +70,7 @@ class Plan:
 @click.option(
     "--require", multiple=True, metavar="MODEL", help="Exit with 4 if this model misses --max-error."
 )
-@repeats_option("Time short solves so often and take the median.")
+@count_option("repeats", 3, "Time short solves so often and take the median.")
 @timing_workers_options
 @output_options
 @setting_options("keep_all")

@@ -234,16 +234,10 @@ def time_option(name: str, words: str, default: str | None = None) -> _Option:
     )
 
 
-def repeats_option(words: str, default: int = 3) -> _Option:
-    """Return the option that says how often something is timed."""
+def count_option(name: str, default: int, words: str) -> _Option:
+    """Return an option that says how many, one at least."""
     kind = click.IntRange(min=1)
-    return click.option("--repeats", type=kind, default=default, show_default=True, help=words)
-
-
-def jobs_option(default: int, words: str = "Processes at a time.") -> _Option:
-    """Return the option that says how many processes work at a time."""
-    kind = click.IntRange(min=1)
-    return click.option("--jobs", type=kind, default=default, show_default=True, help=words)
+    return click.option(f"--{name}", type=kind, default=default, show_default=True, help=words)
 
 
 def _workers_options(jobs: _Option) -> Callable[[_Function], _Function]:
@@ -264,10 +258,10 @@ def _workers_options(jobs: _Option) -> Callable[[_Function], _Function]:
     )  # fmt: skip
 
 
-workers_options = _workers_options(jobs_option(os.cpu_count() or 1))
+workers_options = _workers_options(count_option("jobs", os.cpu_count() or 1, "Processes at a time."))
 """Where jobs are done: without more, on all cores."""
 timing_workers_options = _workers_options(
-    jobs_option(1, "Processes at a time; side by side, runs disturb one another's CPU times.")
+    count_option("jobs", 1, "Processes at a time; side by side, runs disturb one another's CPU times.")
 )
 """The same where jobs are timed: one at a time unless more are asked for."""
 

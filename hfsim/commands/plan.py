@@ -10,7 +10,7 @@ import click
 
 from hfsim.commands.check import free_motions
 from hfsim.commands.decks import load_numbered
-from hfsim.commands.options import repeats_option, setting_options, talk_options
+from hfsim.commands.options import count_option, setting_options, talk_options
 from hfsim.output.talk import Talk
 from hfsim.output.text import Column, plural, table, wrapped
 
@@ -33,7 +33,7 @@ _PROOF_SHARE = 0.1
 @click.option(
     "--proof", is_flag=True, help="Only the table of all rules: sizes, times, differences; all shipped cases."
 )
-@repeats_option("Runs of which the median counts.", 5)
+@count_option("repeats", 5, "Runs of which the median counts.")
 @talk_options
 def plan(
     decks: tuple[str, ...],

@@ -15,7 +15,7 @@ import click
 from hfsim.commands import STARTED, import_libraries, report_error, worst
 from hfsim.commands.decks import command_line, load_decks
 from hfsim.commands.options import (
-    jobs_option,
+    count_option,
     names,
     not_both,
     output_options,
@@ -102,7 +102,7 @@ class Settings:
 @click.option("--animate", is_flag=True, help="Draw the motion as plots/motion.gif.")
 @click.option("--vtk", is_flag=True, help="Write the motion for ParaView: <deck name>.pvd and vtk/*.vtu.")
 @click.option("--report", is_flag=True, help="Write all of it as one page, report.html.")
-@jobs_option(1)
+@count_option("jobs", 1, "Processes at a time.")
 @talk_options
 def run(
     decks: tuple[str, ...],
