@@ -91,10 +91,6 @@ def _factorial(x: float) -> float:
     return float(math.factorial(int(x)))
 
 
-def _logarithm(x: float, *base: float) -> float:
-    return math.log(x, *base)
-
-
 _ONE = "acos acosh asin asinh atan atanh cbrt ceil cos cosh degrees erf erfc exp exp2 expm1 fabs floor gamma"
 _MORE = "lgamma log10 log1p log2 radians sin sinh sqrt tan tanh trunc"
 FUNCTIONS: dict[str, tuple[int, int, Callable[..., float]]] = {
@@ -103,7 +99,7 @@ FUNCTIONS: dict[str, tuple[int, int, Callable[..., float]]] = {
     "abs": (1, 1, abs),
     "factorial": (1, 1, _factorial),
     "hypot": (1, LONGEST, math.hypot),
-    "log": (1, 2, _logarithm),
+    "log": (1, 2, math.log),
     "max": (1, LONGEST, max),
     "min": (1, LONGEST, min),
 }
