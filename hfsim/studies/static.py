@@ -97,7 +97,11 @@ class Wish(NamedTuple):
     varied: tuple[str, ...] | None = None
 
 
-def run_static(loaded: LoadedDeck, wish: Wish | float = 0.0) -> Run:
+AT_THE_START = Wish()
+"""Where a scene comes to rest under what acts at first."""
+
+
+def run_static(loaded: LoadedDeck, wish: Wish = AT_THE_START) -> Run:
     """Return where a scene comes to rest under what acts on it at a time, as a run.
 
     It has one row, of a path one for each point. Outlines are those of the start and of each row; where there
@@ -112,7 +116,6 @@ def run_static(loaded: LoadedDeck, wish: Wish | float = 0.0) -> Run:
     UnknownLoadError
         If there is no such load.
     """
-    wish = wish if isinstance(wish, Wish) else Wish(wish)
     if not 0.0 <= wish.t < np.inf:
         raise ArgumentError(f"at {wish.t:g} s nothing acts: time begins at 0 s")
     if wish.buckling < 0:

@@ -181,7 +181,7 @@ joints:
 solve: {duration: 1.0}
 output: {channels: [hub.angle, motor.moment]}
 """
-    run = run_static(parse_deck(text), 0.5)
+    run = run_static(parse_deck(text), Wish(0.5))
     assert [c.values[0] for c in run.channels] == pytest.approx([1.0, 0.0], abs=1e-12)
 
 
@@ -600,9 +600,7 @@ output: {channels: [arm.x, arm.y, turn.moment, turn.power]}
 
 
 def test_drivers_stand_where_they_are_at_the_time():
-    from hfsim.studies.static import run_static
-
-    run = run_static(parse_deck(DRIVEN), 2.0)
+    run = run_static(parse_deck(DRIVEN), Wish(2.0))
     assert run["arm.x"] == pytest.approx(np.cos(1.0)) and run["arm.y"] == pytest.approx(np.sin(1.0))
     assert run["turn.moment"] == pytest.approx(2.0 * 9.81 * np.cos(1.0), rel=1e-12)
     assert run["turn.power"] == 0.0
