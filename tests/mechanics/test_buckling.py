@@ -509,7 +509,7 @@ solve: {{duration: 1.0}}
 """
 
 
-@pytest.mark.parametrize("length", [1.0, 1e-3, 1e-7])
+@pytest.mark.parametrize("length", [1.0, pytest.param(1e-3, marks=pytest.mark.slow), 1e-7])
 @pytest.mark.parametrize(
     ("deck", "factors"), [(ROD, [EULER, EULER, 9.0 * EULER]), (DEEP, [4.01258, 10.24612, 16.51613])]
 )

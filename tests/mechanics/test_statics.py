@@ -750,7 +750,7 @@ output: {{channels: [car.x, car.y, rail.moment]}}
 """
 
 
-@pytest.mark.parametrize("ends", ["car, ground", "ground, car"])
+@pytest.mark.parametrize("ends", ["car, ground", pytest.param("ground, car", marks=pytest.mark.slow)])
 def test_no_rank_is_lost_where_a_car_has_slid_far(ends):
     """With its rail's axis in the car, the arm of that rail's force is 25 m long."""
     run = hfsim.static(parse_deck(RAIL.format(ends=ends, axis="[1, 0]", position=25.0, stiffness=1000.0)))
@@ -857,7 +857,7 @@ def test_what_a_follower_load_does_no_work_along_is_resisted_still():
 
 
 @pytest.mark.parametrize("dampers", [(1e-3, 1e-3), (1e-3, 0.0), (0.1, 0.3), (3.0, 1.0)])
-@pytest.mark.parametrize("push", [1.0, 1.4, 1.5, 2.05, 2.5, 5.0])
+@pytest.mark.parametrize("push", [1.0, 1.4, 1.5, 2.05, pytest.param(2.5, marks=pytest.mark.slow), 5.0])
 def test_dampers_count_in_what_swings_and_grows(dampers, push):
     """Those of modes; with two alike Ziegler's column flutters from 41/28 k/L on, without any from 2.086."""
     given = {f"springs.{name}.damping": one for name, one in zip(("ka", "kb"), dampers, strict=True)}

@@ -344,6 +344,7 @@ def test_a_loop_in_space_closes_with_its_hinges_as_they_state_their_axes(fold, m
     assert starting(SARRUS, *stated, *more) == pytest.approx([0.0, 0.0, height, 0.0, 0.0, 0.0, third, -third], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_what_is_left_of_a_loop_in_space_is_told_with_its_hinges_as_they_state_their_axes():
     """The plate keeps level, and one of its legs stands a little beside what that takes."""
     apart = 0.4 * 4.0 * np.sin(np.radians(5.0)) * np.cos(np.radians(30.0))

@@ -111,7 +111,9 @@ def test_rotors_that_only_decay_at_rest_are_followed(count, rates):
 @pytest.mark.parametrize(
     ("inner", "outer"), [(0.0, 0.5), (2.0, 3.0), pytest.param(1.0, 5.0, marks=pytest.mark.slow)]
 )
-@pytest.mark.parametrize("rates", [[0, 10, 25, 40], [24, 26.5, 40], [20, 25]], ids=str)
+@pytest.mark.parametrize(
+    "rates", [[0, 10, 25, 40], pytest.param([24, 26.5, 40], marks=pytest.mark.slow), [20, 25]], ids=str
+)
 def test_discs_on_unlike_springs_go_away_between_two_rates(inner, outer, rates):
     """There (k1 - m W^2) (k2 - m W^2) + (d W)^2 = 0."""
     found = hfsim.campbell(disc(inner, outer, 1500.0), rates, count=4)
@@ -126,12 +128,14 @@ def test_discs_on_unlike_springs_go_away_between_two_rates(inner, outer, rates):
         assert told == pytest.approx(grows, rel=1e-6)
 
 
+FROM_REST = [
+    pytest.param(rates, marks=pytest.mark.slow)
+    for rates in ([0, 30], [0, np.sqrt(500.0), 30], [-40, -10, 10, 30])
+]
+
+
 @pytest.mark.parametrize("inner", [2.0, 100.0])
-@pytest.mark.parametrize(
-    "rates",
-    [[0, 30], [0, np.sqrt(500.0), 30], [20, np.sqrt(500.0)], [22, 23], [-40, -10, 10, 30], [-3, 2]],
-    ids=str,
-)
+@pytest.mark.parametrize("rates", [[20, np.sqrt(500.0)], [22, 23], [-3, 2], *FROM_REST], ids=str)
 def test_critical_rates_are_told_where_growth_begins_as_well(inner, rates):
     """Without damping from outside both are at sqrt(k / m); a rate asked for may be just that."""
     found = hfsim.campbell(disc(inner, 0.0), rates, count=6)
@@ -142,7 +146,10 @@ def test_critical_rates_are_told_where_growth_begins_as_well(inner, rates):
     assert [one.rate for one in found.onsets] == pytest.approx(begins, rel=1e-3)
 
 
-@pytest.mark.parametrize("rates", [[1, 48], [38, 39], [30, 40, 60]], ids=str)
+WIDE = [pytest.param(rates, marks=pytest.mark.slow) for rates in ([1, 48], [30, 40, 60])]
+
+
+@pytest.mark.parametrize("rates", [[38, 39], *WIDE], ids=str)
 def test_a_second_motion_of_one_shape_begins_to_go_away(rates):
     """Damping inside lets both go away beyond sqrt(k2 / m), which soon swing: one more than below."""
     found = hfsim.campbell(disc(0.9, 0.0, 3000.0), rates, count=4)

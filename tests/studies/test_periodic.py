@@ -152,7 +152,10 @@ def test_a_steady_rotation_has_the_modes_that_are_seen_from_the_rotor():
     [
         ("pendulum", {"materials.rubber.bending_damping": 0.01}),
         ("pendulum", {"solve.model": "lowOrder", "gravity": [0, -0.5], "initial.b1.angle": -1.5}),
-        ("pendulum", {"solve.model": "linear", "materials.rubber.youngs_modulus": 7e9}),
+        pytest.param(
+            *("pendulum", {"solve.model": "linear", "materials.rubber.youngs_modulus": 7e9}),
+            marks=pytest.mark.slow,
+        ),
         ("pendulum_3d", {}),
         ("hub_beams", {}),
     ],
@@ -255,6 +258,7 @@ SLEWED = {
 }
 
 
+@pytest.mark.slow
 def test_fast_motions_follow_where_slow_ones_are_looked_at(monkeypatch):
     """A beam on a hub that swings to and fro, from where it is straight; and what it then does lasts."""
     few = hfsim.modes(SLEWED, period=0.2, count=2)
