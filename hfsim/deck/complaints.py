@@ -1,6 +1,7 @@
 """What is wrong with entries of decks, as their validators say it."""
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple, Self
 
 from pydantic import ValidationError
@@ -61,6 +62,12 @@ def wrong_choice(path: Path, given: object, choices: list[str]) -> Complaint:
     hint = did_you_mean(str(given), choices)
     message = f"must be one of {', '.join(choices)}, not {shown(given)}"
     return Complaint(path, message, hint if "?" in hint else "")
+
+
+def degrees_as_radians(key: str | int, angle: float | None) -> Iterator[Complaint]:
+    """Yield an angle of several turns whose number looks like one of degrees."""
+    if angle is not None and abs(angle) > math.tau and (2 * angle).is_integer():
+        yield Complaint((key,), f"{angle:g} rad are {angle / math.tau:.3g} turns", f"'{angle:g} deg'?")
 
 
 def shown(value: object) -> str:

@@ -331,12 +331,6 @@ def alike(pair: tuple[float, float]) -> bool:
     return abs(pair[0] - pair[1]) <= _ALIKE * max(pair)
 
 
-def degrees_as_radians(key: str | int, angle: float | None) -> Iterator[Complaint]:
-    """Yield an angle of several turns whose number looks like one of degrees."""
-    if angle is not None and abs(angle) > math.tau and (2 * angle).is_integer():
-        yield Complaint((key,), f"{angle:g} rad are {angle / math.tau:.3g} turns", f"'{angle:g} deg'?")
-
-
 def _empty_map(value: object) -> object:
     """Take a key without a value as an empty map: all its entries may be commented out."""
     return {} if value is None else value

@@ -5,8 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from hfsim.deck.complaints import Complaint
-from hfsim.deck.fields import degrees_as_radians
+from hfsim.deck.complaints import Complaint, degrees_as_radians
 from hfsim.deck.laws import Law, ShiftedLaw
 from hfsim.deck.spec import Around, Spec
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field
 
-from hfsim.deck.complaints import Complaint, refusal, refuse_all
+from hfsim.deck.complaints import Complaint, degrees_as_radians, refusal, refuse_all
 from hfsim.deck.fields import (
     Angle,
     NonNegativeTime,
@@ -21,7 +21,6 @@ from hfsim.deck.fields import (
     PositiveFrequency,
     PositiveTime,
     Time,
-    degrees_as_radians,
     read_text,
 )
 from hfsim.deck.law_spec import LawSpec

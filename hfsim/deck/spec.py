@@ -17,7 +17,16 @@ from pydantic_core.core_schema import (
     no_info_wrap_validator_function,
 )
 
-from hfsim.deck.complaints import REFUSED, Complaint, refusal, refuse_all, refused, shown, wrong_choice
+from hfsim.deck.complaints import (
+    REFUSED,
+    Complaint,
+    degrees_as_radians,
+    refusal,
+    refuse_all,
+    refused,
+    shown,
+    wrong_choice,
+)
 from hfsim.deck.reader import Path
 from hfsim.deck.source import did_you_mean, likely
 from hfsim.errors import MOST_PROBLEMS
@@ -59,6 +68,9 @@ class Spec(BaseModel):
 
     spatial: ClassVar[tuple[str, ...] | bool] = ()
     """Fields that only space has; or whether the whole entry is of space only."""
+
+    angles: ClassVar[tuple[str, ...]] = ()
+    """Fields that are angles in radians, which may be meant in degrees."""
 
     planar: ClassVar[tuple[str, ...]] = ()
     """Fields that only the plane has."""
@@ -137,6 +149,8 @@ class Spec(BaseModel):
 
         Numbers that are given with their units count as meant: nothing is told of them.
         """
+        for key in self.angles:
+            yield from degrees_as_radians(key, getattr(self, key))
         for key, entry in self._inner():
             yield from (one.inside(key) for one in entry.slips_in(around))
 

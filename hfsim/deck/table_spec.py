@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import MinLen
 
-from hfsim.deck.complaints import Complaint
-from hfsim.deck.fields import Flag, NonNegativeTime, Number, Time, degrees_as_radians, read_text
+from hfsim.deck.complaints import Complaint, degrees_as_radians
+from hfsim.deck.fields import Flag, NonNegativeTime, Number, Time, read_text
 from hfsim.deck.law_spec import LawSpec
 from hfsim.deck.laws import Law, PeriodicLaw, SplineLaw
 from hfsim.deck.spec import Around, ReadBy

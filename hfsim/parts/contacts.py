@@ -21,7 +21,6 @@ from hfsim.deck.fields import (
     PositiveVelocity,
     RotationalDamping,
     RotationalDissipation,
-    degrees_as_radians,
 )
 from hfsim.deck.law_specs import ScaleLaw
 from hfsim.deck.laws import Law
@@ -104,6 +103,8 @@ class StopsSpec(Spec):
 class TurningStopsSpec(StopsSpec):
     """Stops of a turn."""
 
+    angles = ("lower", "upper")
+
     lower: Angle | None = None
     """Least angle [rad]; or give the upper one alone."""
 
@@ -119,11 +120,6 @@ class TurningStopsSpec(StopsSpec):
 
     transition: PositiveAngle = 1e-3
     """Angle beyond a limit over which the stiffness sets in [rad]."""
-
-    def slips_in(self, around: Around) -> Iterator[Complaint]:
-        """Yield limits that look like degrees."""
-        yield from degrees_as_radians("lower", self.lower)
-        yield from degrees_as_radians("upper", self.upper)
 
 
 class SlidingStopsSpec(StopsSpec):
@@ -149,6 +145,8 @@ class SlidingStopsSpec(StopsSpec):
 class TurningLatchSpec(Spec):
     """A latch on a turn: it holds for good from when the angle comes to its place, or starts there."""
 
+    angles = ("angle",)
+
     angle: Angle
     """Where it catches, and holds without moment [rad]."""
 
@@ -157,10 +155,6 @@ class TurningLatchSpec(Spec):
 
     damping: RotationalDamping = 0.0
     """Damping with which it does [N m s/rad]."""
-
-    def slips_in(self, around: Around) -> Iterator[Complaint]:
-        """Yield an angle that looks like degrees."""
-        yield from degrees_as_radians("angle", self.angle)
 
     def build(self) -> Latch:
         """Return the latch."""

@@ -16,7 +16,6 @@ from hfsim.deck.fields import (
     Spin,
     Velocity,
     VelocityVector,
-    degrees_as_radians,
 )
 from hfsim.deck.spec import Around, ReadBy, Spec
 from hfsim.maths.arrays import Array
@@ -32,6 +31,7 @@ class InitialSpec(Spec):
 
     vectors = ("position", "velocity", "angular_velocity")
     spatial = ("orientation",)
+    angles = ("angle",)
 
     angle: Angle | None = None
     """Angle of the body frame, in space about z; or that of a joint [rad]."""
@@ -89,7 +89,7 @@ class InitialSpec(Spec):
 
     def slips_in(self, around: Around) -> Iterator[Complaint]:
         """Yield an angle that looks like degrees, and a speed that looks like revolutions per minute."""
-        yield from degrees_as_radians("angle", self.angle)
+        yield from super().slips_in(around)
         spin = self.angular_velocity or 0.0
         w = spin if isinstance(spin, float) else max(spin, key=abs)
         if w and abs(w) >= _FAST and w % 10 == 0:

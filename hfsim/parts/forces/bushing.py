@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from hfsim.deck.complaints import Complaint
-from hfsim.deck.fields import Angle, Between, LengthVector, Orientation, degrees_as_radians, one_or_list
+from hfsim.deck.fields import Angle, Between, LengthVector, Orientation, one_or_list
 from hfsim.deck.laws import LinearLaw
 from hfsim.deck.orientation import matrix_of
 from hfsim.deck.spec import Around
@@ -29,6 +29,7 @@ class BushingSpec(SpringSpec):
 
     vectors = ("stiffness", "damping", "place")
     spatial = ("orientation",)
+    angles = ("angle",)
     carries = True
     limits = ("force", "moment")
 
@@ -78,10 +79,6 @@ class BushingSpec(SpringSpec):
         for key in ("rotational_stiffness", "rotational_damping") if around.n_dim == 2 else ():
             if isinstance(getattr(self, key), tuple):
                 yield Complaint((key,), "must be a number: in the plane there is one angle")
-
-    def slips_in(self, around: Around) -> Iterator[Complaint]:
-        """Yield an angle that looks like degrees."""
-        yield from degrees_as_radians("angle", self.angle)
 
     @property
     def acts(self) -> bool:

@@ -10,14 +10,7 @@ import numpy as np
 from pydantic import Field, PrivateAttr
 
 from hfsim.deck.complaints import Complaint
-from hfsim.deck.fields import (
-    Angle,
-    Number,
-    PositiveRotationalStiffness,
-    RotationalDamping,
-    degrees_as_radians,
-)
-from hfsim.deck.spec import Around
+from hfsim.deck.fields import Angle, Number, PositiveRotationalStiffness, RotationalDamping
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.coupled import CoupledTie
 from hfsim.mechanics.resistances import LinearSpring
@@ -30,6 +23,7 @@ class CouplingSpec(SpringSpec):
     belts, cables and screws that give a little, in the plane and in space, between bodies of all kinds.
     """
 
+    angles = ("rest_angle",)
     measures = (("rad", ""),)
     reacts = False
     limits = ("moment",)
@@ -57,10 +51,6 @@ class CouplingSpec(SpringSpec):
         for name, factor in self.of.items():
             if not factor:
                 yield Complaint(("of", name), "must not be zero")
-
-    def slips_in(self, around: Around) -> Iterator[Complaint]:
-        """Yield an angle that looks like degrees."""
-        yield from degrees_as_radians("rest_angle", self.rest_angle)
 
     def bind(self, *known: Mapping[str, Any]) -> None:
         """Take note of the joints and springs that it is on, of those that there are."""

@@ -1,22 +1,10 @@
 """Rotational spring and damper between two frames, in space about an axis."""
 
-from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import numpy as np
 
-from hfsim.deck.complaints import Complaint
-from hfsim.deck.fields import (
-    Angle,
-    Axis,
-    Between,
-    Moment,
-    Orientation,
-    RotationalStiffness,
-    degrees_as_radians,
-    table_of,
-)
-from hfsim.deck.spec import Around
+from hfsim.deck.fields import Angle, Axis, Between, Moment, Orientation, RotationalStiffness, table_of
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Turn
 from hfsim.mechanics.markers import Marker
@@ -30,6 +18,7 @@ class RotationalSpec(TurningResistanceSpec, CoordinateSpringSpec):
 
     vectors = ("axis",)
     spatial = ("axis", "orientation")
+    angles = ("rest_angle",)
     measures = (("rad", ""),)
     limits = ("moment",)
 
@@ -68,11 +57,6 @@ class RotationalSpec(TurningResistanceSpec, CoordinateSpringSpec):
     def rest_turn(self) -> float:
         """The rest angle."""
         return self.rest_angle
-
-    def slips_in(self, around: Around) -> Iterator[Complaint]:
-        """Yield an angle that looks like degrees."""
-        yield from degrees_as_radians("rest_angle", self.rest_angle)
-        yield from super().slips_in(around)
 
     def build(self, first: Marker, second: Marker, start: Array) -> GapTie:
         """Return the moment between two markers; the angle counts full turns."""

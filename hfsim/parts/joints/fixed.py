@@ -1,11 +1,8 @@
 """Fixed joint: two points stay together and do not turn."""
 
-from collections.abc import Iterator
 from typing import Literal
 
-from hfsim.deck.complaints import Complaint
-from hfsim.deck.fields import Angle, Orientation, degrees_as_radians
-from hfsim.deck.spec import Around
+from hfsim.deck.fields import Angle, Orientation
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift, Turn
 from hfsim.parts.specs import JointSpec
@@ -15,6 +12,7 @@ class FixedSpec(JointSpec):
     """Two points stay together and the frames there keep their relative angle."""
 
     spatial = ("orientation",)
+    angles = ("angle",)
     meets = welds = True
 
     type: Literal["fixed"]
@@ -24,10 +22,6 @@ class FixedSpec(JointSpec):
 
     orientation: Orientation | None = None
     """Orientation of B's frame relative to A's at the joint, in space; the same without it."""
-
-    def slips_in(self, around: Around) -> Iterator[Complaint]:
-        """Yield an angle that looks like degrees."""
-        return degrees_as_radians("angle", self.angle)
 
     def held(self, facing: Array | None = None) -> tuple[Held, ...]:
         """Return what the joint holds."""

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Annotated, Literal
 
 from hfsim.deck.complaints import Complaint
-from hfsim.deck.fields import Angle, Axis, Length, degrees_as_radians, measures, read_text
+from hfsim.deck.fields import Angle, Axis, Length, measures, read_text
 from hfsim.deck.spec import Around, ReadBy
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held
@@ -15,6 +15,8 @@ class GearSpec(JointSpec):
     """B turns by a ratio times the turn of A, or as a rack slides by a radius times it, against a carrier:
     rigid bodies in the plane, with all their turns.
     """
+
+    angles = ("angle",)
 
     type: Literal["gear"]
 
@@ -50,10 +52,6 @@ class GearSpec(JointSpec):
         """Yield a gear in space."""
         if around.n_dim == 3:
             yield Complaint((), f"gears are planar, this scene is spatial: {around.why}")
-
-    def slips_in(self, around: Around) -> Iterator[Complaint]:
-        """Yield an angle that looks like degrees."""
-        return degrees_as_radians("angle", self.angle)
 
     @property
     def points(self) -> tuple[str, ...]:

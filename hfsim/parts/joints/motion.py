@@ -6,9 +6,8 @@ from typing import Literal
 import numpy as np
 
 from hfsim.deck.complaints import Complaint
-from hfsim.deck.fields import Angle, Axis, Orientation, degrees_as_radians
+from hfsim.deck.fields import Angle, Axis, Orientation
 from hfsim.deck.law_specs import AngleLaw, PositionLaw
-from hfsim.deck.spec import Around
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift, Turn
 from hfsim.parts.joints._driven import DrivenSpec
@@ -24,6 +23,7 @@ class MotionSpec(DrivenSpec):
     led_angle = "turn"
     vectors = ("axis",)
     spatial = ("z", "axis", "orientation")
+    angles = ("angle",)
 
     type: Literal["motion"]
 
@@ -63,11 +63,6 @@ class MotionSpec(DrivenSpec):
             yield from (Complaint((key,), why, "remove this key", True) for key in stated)
         elif self.axis is not None and self.turn is None:
             yield Complaint(("axis",), "there is no turn about it", "state a turn, or remove this key", True)
-
-    def slips_in(self, around: Around) -> Iterator[Complaint]:
-        """Yield an angle that looks like degrees."""
-        yield from degrees_as_radians("angle", self.angle)
-        yield from super().slips_in(around)
 
     def held(self, facing: Array | None = None) -> tuple[Held, ...]:
         """Return the place and the turn that follow the laws."""

@@ -3,9 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Literal
 
-from hfsim.deck.complaints import Complaint
-from hfsim.deck.fields import Angle, Axis, Orientation, degrees_as_radians
-from hfsim.deck.spec import Around
+from hfsim.deck.fields import Angle, Axis, Orientation
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import across
 from hfsim.mechanics.constraints import Held, Shift, Turn
@@ -22,6 +20,7 @@ class PrismaticSpec(JointSpec, SlidingResistanceSpec):
 
     vectors = ("axis",)
     spatial = ("orientation",)
+    angles = ("angle",)
     measures = (("m", ""),)
 
     type: Literal["prismatic"]
@@ -34,11 +33,6 @@ class PrismaticSpec(JointSpec, SlidingResistanceSpec):
 
     orientation: Orientation | None = None
     """Orientation of B's frame relative to A's at the joint, in space; the same without it."""
-
-    def slips_in(self, around: Around) -> Iterator[Complaint]:
-        """Yield an angle that looks like degrees."""
-        yield from degrees_as_radians("angle", self.angle)
-        yield from super().slips_in(around)
 
     def held(self, facing: Array | None = None) -> tuple[Held, ...]:
         """Return what the joint holds: no distance across the axis, no turning."""
