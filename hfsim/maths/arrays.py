@@ -112,19 +112,6 @@ def component_rows(V: Array) -> Array:
     return V.T.swapaxes(0, 1).reshape(*V.shape[-2:], -1)
 
 
-def from_component_rows(rows: Array, shape: tuple[int, ...]) -> Array:
-    """Return rows as vectors of a shape (..., n_elements, n_vectors, n_dim): the inverse of `component_rows`.
-
-    Examples
-    --------
-    >>> V = np.arange(120.0).reshape(5, 4, 3, 2)
-    >>> bool((from_component_rows(component_rows(V), V.shape) == V).all())
-    True
-    """
-    *elements, vectors, components = shape
-    return rows.reshape(vectors, components, *reversed(elements)).swapaxes(0, 1).T
-
-
 def cumulative(values: Array, places: Array) -> Array:
     """Return the integral from the first place up to each, by the trapezoidal rule along the first axis.
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, Self
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, IntArray, component_rows, from_component_rows
+from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
 from hfsim.maths.traced import row_products
 from hfsim.parts.elements._products import by_pairs, curvature, factors, packed, pairs, symmetric
@@ -69,29 +69,14 @@ class ElasticLaw(Protocol):
     def energy(self, V: Array) -> Array:
         """Return the stored energy of each element, shape (..., n_elements)."""
 
-    def gradient(self, V: Array) -> Array:
-        """Return the derivative of the energy with respect to V, same shape as V."""
-
     def pull(self, v: Array) -> Array:
-        """Return the same from and as `component_rows`: each operation runs along whole rows of memory."""
+        """Return dU/dV from and as `component_rows`: each operation runs along whole rows of memory."""
 
     def hessian(self, V: Array) -> Array:
         """Return the second derivative, shape (..., n_elements, n_vectors * n_dim, n_vectors * n_dim)."""
 
     def joined(self, other: Self) -> Self:
         """Return one law for the elements of this one followed by those of another of the same kind."""
-
-
-class RowLaw:
-    """A law whose gradient is computed on `component_rows`."""
-
-    def pull(self, v: Array) -> Array:
-        """Return dU/dV [J] in rows."""
-        raise NotImplementedError
-
-    def gradient(self, V: Array) -> Array:
-        """Return dU/dV [J], same shape as V."""
-        return from_component_rows(self.pull(component_rows(V)), V.shape)
 
 
 class Element(Protocol):
@@ -182,7 +167,7 @@ class QuadraticMap:
 
 
 @frozen
-class GramLaw(RowLaw):
+class GramLaw:
     """An energy that is quadratic in the products of difference vectors.
 
     U = scale (1/2 d^T C d + c^T d) with d = g - g0, g the entries of G = V V^T and g0 those of the

@@ -23,7 +23,6 @@ from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.shapes import gauss_legendre, gauss_lobatto, lagrange
 from hfsim.mechanics.connectivity import Connectivity
-from hfsim.parts.elements._base import RowLaw
 from hfsim.parts.elements.forces import MaterialDamping
 from hfsim.parts.elements.planar_strains import PLANAR
 from hfsim.parts.elements.section_strains import PointStrains
@@ -59,7 +58,7 @@ def vector_rows(values: Array, slopes: Array, n_dim: int) -> Array:
 
 
 @frozen
-class CosseratLaw(RowLaw):
+class CosseratLaw:
     """Energy 1/2 (e - e0)^T C (e - e0) at the Gauss points, each of which is an element of its own.
 
     Attributes

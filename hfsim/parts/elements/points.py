@@ -11,7 +11,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
-from hfsim.parts.elements._base import ElasticLaw, RowLaw
+from hfsim.parts.elements._base import ElasticLaw
 
 
 class ProductLaw(ElasticLaw, Protocol):
@@ -22,7 +22,7 @@ class ProductLaw(ElasticLaw, Protocol):
 
 
 @frozen
-class PointLaw(RowLaw):
+class PointLaw:
     """The sum of one law in products over the Gauss points of elements.
 
     Attributes

@@ -11,7 +11,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
-from hfsim.parts.elements._base import GramLaw, RowLaw
+from hfsim.parts.elements._base import GramLaw
 from hfsim.parts.elements.polynomial import exact_points, gauss_rows, in_products
 
 LAST_GRAM_HESSIAN = 6
@@ -20,7 +20,7 @@ energy is polynomial: a third to a tenth of the time by quadrature."""
 
 
 @frozen
-class QuadratureLaw(RowLaw):
+class QuadratureLaw:
     """Energy of any strain and curvature measure by Gauss quadrature.
 
     Attributes

@@ -11,11 +11,11 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
-from hfsim.parts.elements._base import RowLaw, in_turn
+from hfsim.parts.elements._base import in_turn
 
 
 @frozen
-class VariedGramLaw(RowLaw):
+class VariedGramLaw:
     """U = 1/2 d^T C d at each point, with d = g - g0, g the products of its vectors, each pair once.
 
     With retardation times in C the same form is a damping: of rates d' forces C d', on which they work.

@@ -24,7 +24,7 @@ from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.parts.elements import ElasticLaw, Element, join_laws
-from hfsim.parts.elements._base import USUAL, Measures, RowLaw
+from hfsim.parts.elements._base import USUAL, Measures
 from hfsim.parts.elements.continuum import Continuum, elasticity, strain_pairs
 from hfsim.studies.separation.unlike import UnlikeLaw
 
@@ -70,7 +70,7 @@ class StiffnessForm:
 
 
 @dataclass(frozen=True)
-class NodalLaw(RowLaw):
+class NodalLaw:
     """The elastic law of equal elements, over their nodal vectors, by one of the forms.
 
     Attributes

@@ -9,11 +9,10 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.parts.elements import ElasticLaw
-from hfsim.parts.elements._base import RowLaw
 
 
 @dataclass(frozen=True)
-class UnlikeLaw(RowLaw):
+class UnlikeLaw:
     """The laws of elements one by one.
 
     Attributes
