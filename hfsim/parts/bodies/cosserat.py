@@ -30,9 +30,6 @@ from hfsim.parts.bodies.vector_beam import VectorBeam
 from hfsim.parts.elements.cosserat import SectionDamping
 from hfsim.parts.elements.forces import StrainForce
 
-OUTLINE = 200
-"""Points of a picture's line, near enough."""
-
 
 @frozen
 class CosseratBeam(VectorBeam):
@@ -94,12 +91,6 @@ class CosseratBeam(VectorBeam):
     def marker(self, place: Place) -> LinearMarker:
         """Return the marker of a material point; its axes are those of the body frame, carried along."""
         return _marker(self.columns, *self.mesh.point(place)).level_in(self.undeformed)
-
-    @property
-    def outline_places(self) -> Array:
-        """Places along the beam between which a straight line passes for the curve."""
-        count = max(1, OUTLINE // self.mesh.count) * self.mesh.count
-        return np.linspace(0.0, self.mesh.axis.length, count + 1)
 
     @property
     def weighing(self) -> Array:

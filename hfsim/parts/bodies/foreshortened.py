@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -13,9 +13,12 @@ from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.differences import FINE, fine_derivative
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
-from hfsim.maths.shapes import gauss_legendre, piecewise
+from hfsim.maths.rotations import lever
+from hfsim.maths.shapes import gauss_legendre, piecewise, shares_beyond
+from hfsim.mechanics.body import Place
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
+from hfsim.parts.bodies.balance import MeshedBeam, Pair
 from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.bodies.shortening import Shortening
 
@@ -199,6 +202,15 @@ class ForeshortenedBeam(ForcePart):
         rates = u[:, None, self.columns]
         return np.asarray(0.5 * np.sum(self.momenta(x, rates) * rates, axis=(1, 2)))
 
+    def _fields(self, x: Array) -> Fields:
+        """Return the values at the quadrature points."""
+        raise NotImplementedError
+
+    def third_order_inertia(self, x: Array) -> float:
+        """Return the largest part of the moment of inertia that eq. (46) leaves out, over the part kept."""
+        place, m = self.points
+        return float(np.abs(self._third_order(self._fields(x)) @ m).max(initial=0.0) / (place**2 @ m))
+
     def _axial(self, f: Fields) -> Array:
         return np.asarray(self.points[0] + f.w - f.short)
 
@@ -262,3 +274,59 @@ class ForeshortenedMarker(Marker):
             return pulled(moved).reshape(len(moved), -1)[:, own]
 
         return self.beam.slopes(kept, x, self.support)
+
+
+class ForeshortenedBody(MeshedBeam):
+    """A beam of the model lowOrder."""
+
+    banded: ClassVar[bool] = False
+    """In a body frame all coordinates are coupled."""
+
+    if TYPE_CHECKING:
+
+        @property
+        def variable_mass(self) -> Any:
+            """Its inertia and weight, a `ForeshortenedBeam`."""
+
+        def marker(self, place: Place) -> Any:
+            """Return the marker of a point of the centre line."""
+
+    def markers(self, places: Iterable[float]) -> list[Any]:
+        """Return those of points of the centre line at distances from the root [m]."""
+        return [self.marker((float(place),)) for place in places]
+
+    def along(self, marker: Marker) -> float:
+        """Return how far from the root the section of one of its points is [m]."""
+        assert isinstance(marker, ForeshortenedMarker)
+        return marker.place
+
+    def line(self, x: Array, places: Array) -> Array:
+        """Return points of its line, (n_batch, n_places, n_dim)."""
+        return np.stack([marker.position(x) for marker in self.markers(places)], axis=1)
+
+    def carried_beyond(self, x: Array, u: Array, a: Array, places: Array) -> Pair:
+        """Return weight less inertia of its parts beyond places, and their moment about the root."""
+        beam: ForeshortenedBeam = self.variable_mass
+        first, *markers = self._at_points
+        root, masses = first.position(x), beam.points[1]
+        shares = shares_beyond(beam.pieces, *beam.gauss, places)
+        forces, arms = [], []
+        for marker, mass in zip(markers, masses, strict=True):
+            moving = (marker.position_jacobian(x) @ a[:, beam.columns, None])[..., 0]
+            forces.append(mass * (np.array(beam.gravity) - moving - marker.position_bias(x, u)))
+            arms.append(marker.position(x) - root)
+        own = np.stack(forces, axis=1)
+        return shares @ own, shares @ lever(np.stack(arms, axis=1), own)
+
+    @cached_property
+    def _at_points(self) -> list[Any]:
+        """Markers of its root and of its quadrature points."""
+        return self.markers([0.0, *self.variable_mass.points[0]])
+
+    def third_order_inertia(self, x: Array) -> float:
+        """Return that of the beam."""
+        return float(self.variable_mass.third_order_inertia(x))
+
+    def tables(self, n: int) -> float:
+        """Return its share in the factors of derivatives by differences."""
+        return float(self.variable_mass.factors(n))

@@ -88,11 +88,6 @@ class NodalBeam(VectorBeam):
         return self.mesh.shape(place[0], place[1]), self.mesh.shape(place[0], place[1], (1, 0))
 
     @property
-    def outline_places(self) -> Array:
-        """Those of its mesh."""
-        return self.mesh.outline_places
-
-    @property
     def weighing(self) -> Array:
         """Acceleration of gravity that acts on it [m/s^2]."""
         return self.beam.gravity

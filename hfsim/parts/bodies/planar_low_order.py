@@ -169,11 +169,6 @@ class LowOrderBeam(ForeshortenedBeam):
         along[:, RIGID] = self.shortening.values(self.shortening.of_elements(np.eye(1, self.n_w)))
         return (np.arange(self.inner) == TURN).astype(float)[:, None], along, across
 
-    def third_order_inertia(self, x: Array) -> float:
-        """Return the largest part of the moment of inertia that eq. (46) leaves out, over the part kept."""
-        place, m = self.points
-        return float(np.abs(self._third_order(self._fields(x)) @ m).max(initial=0.0) / (place**2 @ m))
-
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add inertia force (13)-(14), elastic, damping and gravity forces."""
         f = self._fields(x)

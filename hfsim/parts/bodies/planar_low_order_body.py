@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 
-from hfsim.deck.sections import Fibres
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import normal, rotate
-from hfsim.mechanics.body import Acting, Body, Place
+from hfsim.mechanics.body import Place
 from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.force import ForcePart
-from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.foreshortened import ForeshortenedMarker
+from hfsim.parts.bodies.foreshortened import ForeshortenedBody, ForeshortenedMarker
+from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.bodies.planar_low_order import PLACE, RIGID, TURN, LowOrderBeam
 
 
@@ -111,18 +109,21 @@ class LowOrderMarker(ForeshortenedMarker):
 
 
 @frozen
-class LowOrderBody(Body):
+class LowOrderBody(ForeshortenedBody):
     """A beam of the model lowOrder."""
 
     beam: LowOrderBeam
-    banded: ClassVar[bool] = False
-    """In a body frame all coordinates are coupled."""
 
     @classmethod
     def of(cls, beam: Blueprint, framed: bool) -> LowOrderBody:
         """Return the body of a beam; it has a body frame whatever is asked for."""
         own = LowOrderBeam.of(beam)
         return cls(beam.name, own.columns, beam.points, own)
+
+    @property
+    def mesh(self) -> BeamMesh:
+        """Its elements."""
+        return self.beam.mesh
 
     @property
     def described(self) -> tuple[str, str]:
@@ -137,7 +138,7 @@ class LowOrderBody(Body):
         """The one after the origin."""
         return int(self.columns.start) + len(self.beam.gravity)
 
-    def marker(self, place: Place) -> Marker:
+    def marker(self, place: Place) -> LowOrderMarker:
         """Return the marker of a point of the centre line."""
         return LowOrderMarker(self.beam, place[0])
 
@@ -149,68 +150,22 @@ class LowOrderBody(Body):
         """Return (velocity, omega, no deformation)."""
         return np.concatenate([*twist, np.zeros(self.beam.n_w + self.beam.n_v)])
 
-    @property
-    def outline_places(self) -> Array:
-        """Those of its mesh."""
-        return self.beam.mesh.outline_places
-
-    def fibres(self, places: Array) -> Fibres | None:
-        """Return those of its sections."""
-        return self.beam.mesh.at(places).fibres
-
-    def section_forces(self, x: Array, u: Array, a: Array, acting: Acting, places: Array) -> Array:
-        """Return those of the balance, in axes along the line."""
-        from hfsim.parts.bodies.balance import balanced
-
-        return balanced(self, x, u, a, acting, places)
-
-    @property
-    def length(self) -> float:
-        """Undeformed [m]."""
-        return self.beam.mesh.length
-
-    def along(self, marker: Marker) -> float:
-        """Return how far from the root the section of one of its points is [m]."""
-        assert isinstance(marker, LowOrderMarker)
-        return marker.place
-
-    def line(self, x: Array, places: Array) -> Array:
-        """Return points of its line, (n_batch, n_places, n_dim)."""
-        return np.stack([self.marker((float(a), 0.0)).position(x) for a in places], axis=1)
-
     def resultant(self, x: Array, force: Array) -> tuple[Array, Array]:
         """Return force and moment about its root of a generalised force (n_batch, n_columns)."""
         return force[:, PLACE], force[:, TURN : TURN + 1]
-
-    def carried_beyond(self, x: Array, u: Array, a: Array, places: Array) -> tuple[Array, Array]:
-        """Return weight less inertia of its parts beyond places, and their moment about the root."""
-        from hfsim.parts.bodies.balance import carried_by_points
-
-        return carried_by_points(self.beam, self._at_points, x, u, a, places)
-
-    @cached_property
-    def _at_points(self) -> list[Marker]:
-        """Markers of its root and of its quadrature points."""
-        return [self.marker((float(a), 0.0)) for a in (0.0, *self.beam.points[0])]
 
     def section_axes(self, x: Array, places: Array) -> Array:
         """Return the axes along and across its line, (n_batch, n_places, 3, 3), as columns."""
         from hfsim.parts.bodies.section_axes import in_the_plane
 
         first = np.array([1.0, 0.0])
-        slopes = [self.marker((float(a), 0.0)).turned(x, first) for a in places]
+        slopes = [marker.turned(x, first) for marker in self.markers(places)]
         return in_the_plane(np.stack(slopes, axis=1))
-
-    def outline(self, x: Array) -> Array:
-        """Return points of the centre line."""
-        return self.line(x, self.beam.mesh.outline_places)
-
-    extent = outline
 
     def deformation(self, x: Array, u: Array) -> Deformation:
         """Return that of w and v."""
         _, _, w, v = self.beam.split(x)
-        axis, spin = self.beam.mesh.axis, self.beam.split(u)[1]
+        axis, spin = self.mesh.axis, self.beam.split(u)[1]
         slope, curvature, tip = (v @ rows[..., 2:].T for rows in (axis.slope, axis.curvature, axis.tip))
         axial = w @ axis.slope[:, 1:].T
         return Deformation(
@@ -223,18 +178,10 @@ class LowOrderBody(Body):
             spin[:, None],
         )
 
-    def third_order_inertia(self, x: Array) -> float:
-        """Return that of the beam."""
-        return self.beam.third_order_inertia(x)
-
     @property
     def variable_mass(self) -> LowOrderBeam:
         """That of the beam."""
         return self.beam
-
-    def tables(self, n: int) -> float:
-        """Return its share in the factors of derivatives by differences."""
-        return self.beam.factors(n)
 
     def forces(self, n: int) -> Iterator[ForcePart]:
         """Yield inertia, elastic force, damping and weight as one."""

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from hfsim.deck.materials import SectionProperties
     from hfsim.deck.stations import SectionsAlong
 
+OUTLINE = 200
+"""Points of a picture's line, near enough."""
 ALIKE = 1e-12
 """Relative difference of moments that is none."""
 
@@ -151,6 +153,11 @@ class SectionMesh:
     def length(self) -> float:
         """Undeformed length [m]."""
         return self.axis.length
+
+    @property
+    def outline_places(self) -> Array:
+        """Places along the beam between which a straight line passes for the curve."""
+        return np.linspace(0.0, self.length, max(1, OUTLINE // self.count) * self.count + 1)
 
     @property
     def _nodes(self) -> IntArray:

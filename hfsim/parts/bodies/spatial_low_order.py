@@ -54,7 +54,10 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
         """Return its body frame in a batch of states."""
         return RootFrame.of(self.vectors(x), self.mesh.positions)
 
-    def _fields(self, frame: RootFrame) -> Fields:
+    def _fields(self, x: Array) -> Fields:
+        return self._fields_in(self.frame(x))
+
+    def _fields_in(self, frame: RootFrame) -> Fields:
         own, v = self.shortening, self.shortening.of_elements(frame.v)
         w = own.values(own.of_elements(frame.p[:, 1:, 0] - self.mesh.undeformed[1:, 0]))
         bent = own.bent(v)
@@ -70,7 +73,7 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
     def momenta(self, x: Array, rates: Array) -> Array:
         """Return the mass matrix times rates, (n_batch, m, n)."""
         frame = self.frame(x)
-        return self._momenta(frame, self._fields(frame), rates)
+        return self._momenta(frame, self._fields_in(frame), rates)
 
     def _momenta(self, frame: RootFrame, f: Fields, rates: Array) -> Array:
         U = rates.reshape(*rates.shape[:2], -1, 3)
@@ -87,7 +90,7 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
     def condensed(self, x: Array) -> tuple[Array, Callable[[Array], Array]]:
         """Return rows of the mass matrix, of the coordinates before, and what solves with the rest of it."""
         frame = self.frame(x)
-        f, n = self._fields(frame), 3 * self.mesh.n_vectors
+        f, n = self._fields_in(frame), 3 * self.mesh.n_vectors
         rows = self._momenta(frame, f, np.broadcast_to(np.eye(self.inner, n), (len(x), self.inner, n)))
         solve, A = self.shortening.solver([f.bent[:, c] for c in _TWO]), frame.A[:, None]
 
@@ -97,18 +100,12 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
 
         return rows, solved
 
-    def third_order_inertia(self, x: Array) -> float:
-        """Return the largest part of the moment of inertia that eq. (46) leaves out, over the part kept."""
-        place, m = self.points
-        left_out = self._third_order(self._fields(self.frame(x))) @ m
-        return float(np.abs(left_out).max(initial=0.0) / (place**2 @ m))
-
     # ------------------------------------------------------------------ forces
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add inertia force (13)-(14) and weight."""
         frame = self.frame(x)
-        f, rates = self._fields(frame), frame.rates(self.vectors(u))
+        f, rates = self._fields_in(frame), frame.rates(self.vectors(u))
         force = self._inertia_force(f, rates) - self._borne(f, rates.bias[:, None])[:, 0]
         if any(self.gravity):
             g = np.einsum("i,bij->bj", np.array(self.gravity), frame.A)[:, :, None]
@@ -168,7 +165,7 @@ class SpatialLowOrderBeam(ForeshortenedBeam):
     def potential_energy(self, t: Array, x: Array) -> Array:
         """Return the energy of the weight [J]."""
         m, frame, X = self.points[1], self.frame(x), self.vectors(x)
-        f = self._fields(frame)
+        f = self._fields_in(frame)
         arm = np.concatenate([(self._axial(f) @ m)[:, None], f.v @ m], axis=1)
         at = m.sum() * X[:, 0] + (frame.A @ arm[:, :, None])[:, :, 0]
         return np.asarray(-at @ np.array(self.gravity))

@@ -14,10 +14,9 @@ from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import FIRST, lever, skew, smallest_rotation
 from hfsim.mechanics.body import Place
 from hfsim.mechanics.force import ForcePart
-from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.spatial_markers import SquareMarker, along_line
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.foreshortened import ForeshortenedMarker
+from hfsim.parts.bodies.foreshortened import ForeshortenedBody, ForeshortenedMarker
 from hfsim.parts.bodies.root_frame import ACROSS, RootFrame, spun_by
 from hfsim.parts.bodies.spatial_linear import SpatialLinearBeam, SpatialLinearElasticForce
 from hfsim.parts.bodies.spatial_low_order import SpatialLowOrderBeam
@@ -173,11 +172,9 @@ class LowOrderElasticForce(SpatialLinearElasticForce):
 
 
 @frozen
-class SpatialLowOrderBody(SpatialLinearBeam):
+class SpatialLowOrderBody(ForeshortenedBody, SpatialLinearBeam):
     """A cable with the foreshortening of its deflections: its nodal vectors are those without that."""
 
-    banded: ClassVar[bool] = False
-    """In a body frame all coordinates are coupled."""
     coordinates: ClassVar[str] = "nodal vectors without foreshortening"
 
     @classmethod
@@ -202,45 +199,17 @@ class SpatialLowOrderBody(SpatialLinearBeam):
         """Return the marker of a point of the centre line."""
         return SpatialLowOrderMarker(self.variable_mass, place[0])
 
-    def along(self, marker: Marker) -> float:
-        """Return how far from the root one of its points is [m]."""
-        assert isinstance(marker, SpatialLowOrderMarker)
-        return marker.place
-
-    def line(self, x: Array, places: Array) -> Array:
-        """Return points of its line, (n_batch, n_places, 3)."""
-        return np.stack([self.marker((float(a), 0.0, 0.0)).position(x) for a in places], axis=1)
-
-    def carried_beyond(self, x: Array, u: Array, a: Array, places: Array) -> tuple[Array, Array]:
-        """Return weight less inertia of its parts beyond places, and their moment about the root."""
-        from hfsim.parts.bodies.balance import carried_by_points
-
-        return carried_by_points(self.variable_mass, self._at_points, x, u, a, places)
-
-    @cached_property
-    def _at_points(self) -> list[Marker]:
-        """Markers of its root and of its quadrature points."""
-        return [self.marker((float(a), 0.0, 0.0)) for a in (0.0, *self.variable_mass.points[0])]
-
     def section_axes(self, x: Array, places: Array) -> Array:
         """Return the axes of the root, carried along its line without turning about it."""
         return SpatialNodalBeam.section_axes(self, x, places)
 
     def _slopes(self, x: Array, places: Array) -> Array:
         """Return those of the foreshortened line."""
-        return np.stack([self.marker((float(a), 0.0, 0.0)).axis(x, FIRST) for a in places], axis=1)
-
-    def third_order_inertia(self, x: Array) -> float:
-        """Return that of the beam."""
-        return self.variable_mass.third_order_inertia(x)
+        return np.stack([marker.axis(x, FIRST) for marker in self.markers(places)], axis=1)
 
     def mass_entries(self) -> Entries:
         """Return none: the mass matrix is not constant."""
         return NOTHING
-
-    def tables(self, n: int) -> float:
-        """Return its share in the factors of derivatives by differences."""
-        return self.variable_mass.factors(n)
 
     def forces(self, n: int) -> Iterator[ForcePart]:
         """Yield inertia and weight, and elastic force and damping."""

@@ -6,41 +6,26 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from hfsim.deck.sections import Fibres
 from hfsim.errors import SolverFailure
-from hfsim.maths.arrays import Array, IntArray, slices
-from hfsim.mechanics.body import Acting, VectorBody
-from hfsim.mechanics.markers import Marker
+from hfsim.maths.arrays import Array, IntArray, distinct
+from hfsim.maths.rotations import lever
+from hfsim.mechanics.body import VectorBody
+from hfsim.mechanics.markers import LinearMarker, Marker
+from hfsim.parts.bodies.balance import ROUNDING, MeshedBeam, Pair
 
-if TYPE_CHECKING:
-    from hfsim.parts.bodies.mesh import BeamMesh
-    from hfsim.parts.bodies.section_mesh import SectionMesh
-
-ENTRIES = 8_000_000
-"""Of shape rows that are made at once: 64 MB."""
 FARTHEST = np.radians(120.0)
 """Angle between sections of neighbouring nodes beyond which an element means nothing; between two nodes alone
 section vectors have half their length then."""
 
 
-class VectorBeam(VectorBody):
-    """A beam of elements; its internal forces hold the balance of what lies beyond a section."""
+class VectorBeam(MeshedBeam, VectorBody):
+    """A beam of elements whose coordinates are vectors."""
 
     has_sections: ClassVar[bool] = False
     """Whether its nodes have section vectors of unit length, so that `widest_turn` tells something."""
 
     if TYPE_CHECKING:
         framed: bool
-
-        @property
-        def mesh(self) -> BeamMesh | SectionMesh:
-            """Its elements."""
-
-        def line(self, x: Array, places: Array) -> Array:
-            """Return points of its line, (n_batch, n_places, n_dim)."""
-
-        def section_axes(self, x: Array, places: Array) -> Array:
-            """Return the axes of sections at places, (n_batch, n_places, 3, 3), as columns."""
 
     @property
     def positions(self) -> Array:
@@ -84,37 +69,31 @@ class VectorBeam(VectorBody):
         """Acceleration of gravity that acts on it [m/s^2]."""
         raise NotImplementedError
 
-    @property
-    def length(self) -> float:
-        """Undeformed [m]."""
-        return self.mesh.length
-
-    def outline(self, x: Array) -> Array:
-        """Return points of the centre line, as many at once as their shape rows take little memory."""
-        places = self.outline_places
-        parts = slices(len(places), ENTRIES // (self.columns.stop - self.columns.start))
-        return np.concatenate([self.line(x, places[some]) for some in parts], axis=1)
-
-    extent = outline
-
-    def fibres(self, places: Array) -> Fibres | None:
-        """Return those of its sections."""
-        return self.mesh.at(places).fibres
-
-    def section_forces(self, x: Array, u: Array, a: Array, acting: Acting, places: Array) -> Array:
-        """Return those of the balance, in axes along the line or of its sections."""
-        from hfsim.parts.bodies.balance import balanced
-
-        return balanced(self, x, u, a, acting, places)
-
     def along(self, marker: Marker) -> float:
         """Return how far from the root the section of one of its points is [m]."""
-        from hfsim.parts.bodies.balance import along_vectors
+        assert isinstance(marker, LinearMarker)
+        return float(marker.place_row @ self.mesh.distances)
 
-        return along_vectors(self.mesh, marker)
-
-    def carried_beyond(self, x: Array, u: Array, a: Array, places: Array) -> tuple[Array, Array]:
+    def carried_beyond(self, x: Array, u: Array, a: Array, places: Array) -> Pair:
         """Return weight less inertia of its parts beyond places, and their moment about the root."""
-        from hfsim.parts.bodies.balance import carried_by_vectors
+        mesh, shifts = self.mesh, self.positions[:, None]
+        spans, length = mesh.spans, mesh.length / mesh.count
+        arms, pulls = self.arms(x), shifts * self.weighing - self.vectors(a)
 
-        return carried_by_vectors(self, self.mesh, self.weighing, x, a, places)
+        def summed(start: float, e: IntArray) -> Array:
+            """Return force and moment, side by side, of parts of elements beyond a share of their length."""
+            masses = mesh.masses_from(start)
+            own = (masses if len(masses) == 1 else masses[e]) @ pulls[:, spans[e]]
+            force = np.sum(shifts[spans[e]] * own, axis=2)
+            return np.concatenate([force, lever(arms[:, spans[e]], own).sum(axis=2)], axis=-1)
+
+        whole = summed(0.0, np.arange(mesh.count))
+        beyond = np.zeros_like(whole)
+        beyond[:, :-1] = np.cumsum(whole[:, :0:-1], axis=1)[:, ::-1]
+        e = np.minimum((places / length + ROUNDING).astype(int), mesh.count - 1)
+        starts = np.clip(np.round(places / length - e, 9), 0.0, 1.0)
+        found = beyond[:, e]
+        for start in distinct(starts):
+            some = starts == start
+            found[:, some] += summed(float(start), e[some])
+        return found[..., : self.n_dim], found[..., self.n_dim :]
