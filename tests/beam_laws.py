@@ -91,7 +91,7 @@ def check_force_of_energy(force, x, rng):
 
 def check_rigid_motions(body, force, x, rng):
     """No rigid motion from x (n,) is resisted by damping, nor caused by the force of any motion."""
-    freedoms = body.freedoms(x, Pose.level([0.0] * body.n_dim))
+    freedoms = body.freedoms(x)
     count = len(freedoms) + 1
     u = np.zeros((count, len(x)))
     u[:-1, body.columns], u[-1] = freedoms, rng.normal(size=len(x))

@@ -25,6 +25,6 @@ def check_damping(scene, rng, turning):
         assert K @ d == pytest.approx(-slope[0], rel=1e-6, abs=1e-7 * np.abs(slope).max())
     assert part.power(t, x, u)[0] == pytest.approx(float(force(x, u)[0] @ u[0]), rel=1e-12)
     assert part.power(t, x, u)[0] < 0.0
-    rate = scene.bodies["b"].freedoms(x[0], scene.assembly.poses["b"])[turning]
+    rate = scene.bodies["b"].freedoms(x[0])[turning]
     turns = np.pad(rate, ((0, 0), (0, n - rate.shape[1])))
     assert np.abs(force(np.repeat(x, len(turns), axis=0), turns)).max() < 1e-12

@@ -227,9 +227,13 @@ class Body:
         """
         raise NotImplementedError
 
-    def freedoms(self, x: Array, pose: Pose) -> Array:
-        """Return the rates, (n_freedoms, n_columns), of each rigid motion from coordinates (n,) on."""
-        return np.array([self.moving(pose, twist) for twist in Twist.units(len(pose.origin))])
+    def freedoms(self, x: Array, angle: float = 0.0) -> Array:
+        """Return the rates, (n_freedoms, n_columns), of each rigid motion from coordinates (n,) on.
+
+        In the plane at an angle of its frame [rad].
+        """
+        pose = Pose.planar(self.origin, angle)
+        return np.array([self.moving(pose, twist) for twist in Twist.units(self.n_dim)])
 
     def carried_along(self, twist: Twist) -> tuple[Entries, Array]:
         """Return the rates u = W x + w with which it moves, whatever its shape, in rigid motion of all.
@@ -346,7 +350,7 @@ class VectorBody(Body):
         """Return the rates of these."""
         return self.taken_along(pose, twist, self.undeformed)[1]
 
-    def freedoms(self, x: Array, pose: Pose) -> Array:
+    def freedoms(self, x: Array, angle: float = 0.0) -> Array:
         """Return the rates of the body as it is, turning about its origin."""
         vectors, shifts = self.vectors(x), self.positions[:, None]
         arms = vectors - shifts * vectors[0]

@@ -11,7 +11,6 @@ from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.matrices import Matrix, is_sparse
 from hfsim.mechanics.body import Body, VectorBody
 from hfsim.mechanics.markers import Marker
-from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.statics.gauge import Gauge
 from hfsim.mechanics.system import System
 from hfsim.parts.resistances import SlidingResistanceSpec
@@ -77,9 +76,7 @@ def rigid_motions(scene: Assembled, x: Array, bodies: Collection[str] | None = N
     found = [np.zeros((0, x.shape[1]))]
     for name, body in scene.bodies.items():
         if not body.still and (bodies is None or name in bodies):
-            angle = scene.start_angles[name]
-            plane = len(body.origin) == 2
-            own = body.freedoms(x[0], Pose.planar(body.origin, angle) if plane else Pose.level(body.origin))
+            own = body.freedoms(x[0], scene.start_angles[name])
             motions = np.zeros((len(own), x.shape[1]))
             motions[:, body.columns] = own
             found.append(motions)

@@ -33,7 +33,6 @@ import numpy as np
 from hfsim.maths.arrays import Array, cumulative, distinct
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.deformation import Deformation, size
-from hfsim.mechanics.pose import Pose
 from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.build import Scene
 
@@ -358,8 +357,7 @@ def _end(scene: Scene, point: str) -> str:
 def _turning(scene: Scene, body: Body, point: str, x: Array) -> Array:
     """Return the rates of a body that turns about one of its points, shape (n_spin, n_columns)."""
     n_dim = len(scene.deck.gravity)
-    turn = Pose.planar((0.0, 0.0), scene.start_angles[body.name]) if n_dim == 2 else Pose.level(np.zeros(3))
-    motions = body.freedoms(x[0], turn)
+    motions = body.freedoms(x[0], scene.start_angles[body.name])
     shifts, spins = motions[:n_dim], motions[n_dim:]
     moved = spins @ scene.marker(point).position_jacobian(x)[0].T
     return np.asarray(spins - moved @ shifts)

@@ -96,10 +96,10 @@ def test_undeformed_bodies_weigh_and_turn_as_rigid_ones():
     """Mass, first moment and moments of inertia, from momenta of rigid motions."""
     section = "{shape: rectangle, width: 0.2, height: 0.1}"
     scene = cantilever(section, 2.0, (0, 0, 0), material="youngs_modulus: 1")
-    body, pose = scene.bodies["b"], scene.assembly.poses["b"]
-    x = body.placed(pose)
+    body = scene.bodies["b"]
+    x = body.placed(scene.assembly.poses["b"])
     motions = np.zeros((6, scene.system.n_x))
-    motions[:, body.columns] = body.freedoms(x, pose)
+    motions[:, body.columns] = body.freedoms(x)
     M = scene.system.equations.momentum(x[None], motions) @ motions.T
     m, L, y, z = 40.0, 2.0, 0.1**2 / 12, 0.2**2 / 12
     assert np.diag(M) == pytest.approx([m, m, m, m * (y + z), m * (L * L / 3 + z), m * (L * L / 3 + y)])
