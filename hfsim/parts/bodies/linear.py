@@ -16,7 +16,6 @@ from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import as_complex, as_vectors
 from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.force import ForcePart, difference
-from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.nodal import NodalBeam
 from hfsim.parts.bodies.planar_frame import relative_nodes
 from hfsim.parts.bodies.planar_natural import PlanarIncrements
@@ -31,6 +30,7 @@ NO_STRAIN = 1e-15
 class LinearBeam(NodalBeam):
     """A beam whose elastic force is linearised about the undeformed state in the body frame."""
 
+    _kind: ClassVar[type[LinearElasticForce]]
     gives_way_at: ClassVar[None] = None
     """The force is linear."""
 
@@ -41,7 +41,15 @@ class LinearBeam(NodalBeam):
 
     @property
     def _elastic(self) -> LinearElasticForce:
-        return linearised(self.beam, self._kind)
+        """That of the element's own energy about the undeformed state."""
+        beam, mesh, n = self.beam, self.mesh, self.n_dim
+        local = np.kron(mesh.differences, np.eye(n)).reshape(mesh.count, -1, n * mesh.n_vectors)
+        K, damping = (
+            np.asarray(sum(part.T @ own @ part for part, own in zip(local, matrices, strict=True)))
+            for matrices in beam.element_matrices(beam.measures.curvature)
+        )
+        state = self.undeformed, self.positions
+        return self._kind(self.name, self.columns, K, damping, *state, item=self.item)
 
     def section_axes(self, x: Array, places: Array) -> Array:
         """Return the axes of the body frame: those of the undeformed sections."""
@@ -49,43 +57,8 @@ class LinearBeam(NodalBeam):
 
         return in_the_plane(np.repeat(self.vectors(x)[:, 1:2], len(places), axis=1))
 
-    @property
-    def _kind(self) -> type[LinearElasticForce]:
-        return LinearElasticForce
-
     def _stretch(self, seen: Deformation) -> Array:
         return np.asarray(seen.axial[0])
-
-
-@frozen
-class PlanarLinearBeam(LinearBeam):
-    """The same in the plane."""
-
-    @property
-    def _kind(self) -> type[LinearElasticForce]:
-        return PlanarLinearForce
-
-    def increments(self) -> PlanarIncrements | None:
-        """Return those in the axes of the root; None in its frame, where the stiffness is constant."""
-        if self.framed:
-            return None
-        from hfsim.parts.bodies.planar_rooted import RootedBeams
-
-        element = self.mesh.element
-        return RootedBeams(self.columns, 1, element.stride, element.per_node)
-
-
-def linearised(beam: Blueprint, kind: type[LinearElasticForce]) -> LinearElasticForce:
-    """Linearise the element's own energy about the undeformed state, as a force of plane or space."""
-    mesh, count = beam.mesh, beam.mesh.count
-    local = np.kron(mesh.differences, np.eye(beam.n_dim)).reshape(count, -1, beam.n_dim * mesh.n_vectors)
-    K, damping = (
-        np.asarray(sum(part.T @ own @ part for part, own in zip(local, matrices, strict=True)))
-        for matrices in beam.element_matrices(beam.measures.curvature)
-    )
-    return kind(
-        beam.name, beam.nodal_columns, K, damping, beam.undeformed, mesh.positions, item=beam.item
-    )
 
 
 @frozen
@@ -357,3 +330,19 @@ class StrainedLinearForce(ForcePart):
         units = self.force.units
         geometric = difference(lambda moved: held._resistance(t, moved, u), x, self.support, units)
         return geometric._replace(values=geometric.values + (B.T @ (self.sizes[:, None] * B)).ravel())
+
+
+@frozen
+class PlanarLinearBeam(LinearBeam):
+    """A beam of the model linear in the plane."""
+
+    _kind = PlanarLinearForce
+
+    def increments(self) -> PlanarIncrements | None:
+        """Return those in the axes of the root; None in its frame, where the stiffness is constant."""
+        if self.framed:
+            return None
+        from hfsim.parts.bodies.planar_rooted import RootedBeams
+
+        element = self.mesh.element
+        return RootedBeams(self.columns, 1, element.stride, element.per_node)

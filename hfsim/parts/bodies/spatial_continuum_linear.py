@@ -15,22 +15,8 @@ from hfsim.parts.bodies.spatial_continuum import SpatialContinuumBeam
 
 
 @frozen
-class LinearContinuumBeam(LinearBeam, SpatialContinuumBeam):
-    """A fully parameterised beam whose elastic force is linearised about the undeformed state."""
-
-    def section_axes(self, x: Array, places: Array) -> Array:
-        """Return the axes of undeformed sections, carried along by the body frame."""
-        frame = self.marker(self.origin).frame(x)
-        return np.asarray(frame[:, None] @ self._undeformed_axes(places))
-
-    @property
-    def _kind(self) -> type[LinearElasticForce]:
-        return LinearContinuumForce
-
-
-@frozen
 class LinearContinuumForce(LinearElasticForce):
-    """The same force with r_x and r_y of the root for body frame, which may turn by any amount."""
+    """A force with r_x and r_y of the root for body frame, which may turn by any amount."""
 
     @cached_property
     def _root(self) -> GradientMarker:
@@ -59,3 +45,15 @@ class LinearContinuumForce(LinearElasticForce):
         force[:, 0] -= np.einsum("bvi,v->bi", force, self.positions)
         on_frame = moment[:, None] @ self._root.spin_jacobian(x)
         return np.asarray(force.reshape(len(x), -1) - on_frame[:, 0])
+
+
+@frozen
+class LinearContinuumBeam(LinearBeam, SpatialContinuumBeam):
+    """A fully parameterised beam whose elastic force is linearised about the undeformed state."""
+
+    _kind = LinearContinuumForce
+
+    def section_axes(self, x: Array, places: Array) -> Array:
+        """Return the axes of undeformed sections, carried along by the body frame."""
+        frame = self.marker(self.origin).frame(x)
+        return np.asarray(frame[:, None] @ self._undeformed_axes(places))

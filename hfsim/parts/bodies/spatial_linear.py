@@ -19,22 +19,8 @@ from hfsim.parts.elements.forces import ROLL
 
 
 @frozen
-class SpatialLinearBeam(LinearBeam, SpatialNodalBeam):
-    """A cable whose elastic force is linearised about the undeformed state in the body frame."""
-
-    def section_axes(self, x: Array, places: Array) -> Array:
-        """Return the axes of the body frame: those of the undeformed sections."""
-        frame = self.marker(self.origin).frame(x)
-        return np.repeat(frame[:, None], len(places), axis=1)
-
-    @property
-    def _kind(self) -> type[LinearElasticForce]:
-        return SpatialLinearElasticForce
-
-
-@frozen
 class SpatialLinearElasticForce(LinearElasticForce):
-    """The same of a beam in space: axial and in two transverse directions, alike in both.
+    """The force of a cable: axial and in two transverse directions, alike in both.
 
     The frame at the root has no roll of its own.  Stiffness does not depend on it, but rates in the frame
     do, and the damping of a line must vanish in its roll: of all rolls, that counts in which least is lost.
@@ -114,3 +100,15 @@ class SpatialLinearElasticForce(LinearElasticForce):
         force[:, 1, 2] = moment[:, 1] / p[:, 1, 0]
         force[:, 0] = -np.einsum("bvi,v->bi", force, self.positions)
         return np.asarray((force @ frame.swapaxes(1, 2)).reshape(len(local), -1))
+
+
+@frozen
+class SpatialLinearBeam(LinearBeam, SpatialNodalBeam):
+    """A cable whose elastic force is linearised about the undeformed state in the body frame."""
+
+    _kind = SpatialLinearElasticForce
+
+    def section_axes(self, x: Array, places: Array) -> Array:
+        """Return the axes of the body frame: those of the undeformed sections."""
+        frame = self.marker(self.origin).frame(x)
+        return np.repeat(frame[:, None], len(places), axis=1)

@@ -175,6 +175,7 @@ class LowOrderElasticForce(SpatialLinearElasticForce):
 class SpatialLowOrderBody(ForeshortenedBody, SpatialLinearBeam):
     """A cable with the foreshortening of its deflections: its nodal vectors are those without that."""
 
+    _kind = LowOrderElasticForce
     coordinates: ClassVar[str] = "nodal vectors without foreshortening"
 
     @classmethod
@@ -215,7 +216,3 @@ class SpatialLowOrderBody(ForeshortenedBody, SpatialLinearBeam):
         """Yield inertia and weight, and elastic force and damping."""
         yield self.variable_mass
         yield self._elastic
-
-    @property
-    def _kind(self) -> type[LowOrderElasticForce]:
-        return LowOrderElasticForce
