@@ -117,10 +117,6 @@ class Blueprint(NamedTuple):
         missing = self.n_dim - plane.shape[1]
         return np.pad(plane, ((0, 0), (0, missing))) if missing else plane
 
-    def reference(self, place: Place) -> Place:
-        """Return where a point is in the undeformed body frame: places count along the line."""
-        return self.mesh.reference(place)
-
     def columns(self, count: int) -> slice:
         """Return the run of so many coordinates."""
         return slice(self.start, self.start + count)

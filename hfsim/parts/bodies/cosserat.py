@@ -75,11 +75,6 @@ class CosseratBeam(VectorBeam):
         """Return the map to the body frame, if it is stepped in that."""
         return SectionFrameChart(self.columns, 1, self.n_dim) if self.framed else None
 
-    def reference(self, place: Place) -> Place:
-        """Return where a point is in the undeformed body frame: places count along the line."""
-        row, _, _ = self.mesh.point(place)
-        return tuple(map(float, row @ self.mesh.undeformed))
-
     def spun_by_itself(self) -> Entries:
         """Return the rates of its section vectors in a turn about its line, if it is the same all around."""
         if not self.mesh.round:
@@ -91,11 +86,6 @@ class CosseratBeam(VectorBeam):
     def marker(self, place: Place) -> LinearMarker:
         """Return the marker of a material point; its axes are those of the body frame, carried along."""
         return _marker(self.columns, *self.mesh.point(place)).level_in(self.undeformed)
-
-    @property
-    def weighing(self) -> Array:
-        """Acceleration of gravity that acts on it [m/s^2]."""
-        return self.gravity
 
     def section_axes(self, x: Array, places: Array) -> Array:
         """Return the axes of sections at places, (n_batch, n_places, 3, 3), as columns."""

@@ -88,7 +88,7 @@ class NodalBeam(VectorBeam):
         return self.mesh.shape(place[0], place[1]), self.mesh.shape(place[0], place[1], (1, 0))
 
     @property
-    def weighing(self) -> Array:
+    def gravity(self) -> Array:
         """Acceleration of gravity that acts on it [m/s^2]."""
         return self.beam.gravity
 

@@ -89,7 +89,7 @@ class RigidSectionBeam(Body):
 
     def reference(self, place: Place) -> Place:
         """Return where a point is in the body frame: places count along the line."""
-        return self.beam.reference(place)
+        return self.beam.mesh.reference(place)
 
     def outline(self, x: Array) -> Array:
         """Return points of the line."""

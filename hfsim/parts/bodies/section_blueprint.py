@@ -57,11 +57,6 @@ class SectionBlueprint(NamedTuple):
         """Mass [kg], its centre [m], and Euler's tensor about that, (n_dim, n_dim) [kg m^2], undeformed."""
         return self.mesh.inertia
 
-    def reference(self, place: Place) -> Place:
-        """Return where a point is in the undeformed body frame: places count along the line."""
-        row, _, _ = self.mesh.point(place)
-        return tuple(map(float, row @ self.mesh.undeformed))
-
     def columns(self, count: int) -> slice:
         """Return the run of so many coordinates."""
         return slice(self.start, self.start + count)

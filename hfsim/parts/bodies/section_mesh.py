@@ -236,6 +236,11 @@ class SectionMesh:
         flat = rows.reshape(len(e), self.n_dim, -1)
         return (flat[:, 0], flat[:, 1:]) if np.ndim(place) else (flat[0, 0], flat[0, 1:])
 
+    def reference(self, place: Place) -> Place:
+        """Return where a point is in the undeformed body frame: places count along the line."""
+        row, _, _ = self.point(place)
+        return tuple(map(float, row @ self.undeformed))
+
     def point(self, place: Place) -> tuple[Array, Array, Array]:
         """Return the rows of a point off the line and of its section vectors, and the section's axes there.
 

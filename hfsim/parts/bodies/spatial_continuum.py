@@ -42,10 +42,6 @@ class SpatialContinuumBeam(SpatialNodalBeam):
         """
         return self._marker(place, ((0, 0, 1), (0, 1, 0)), SECTIONAL)
 
-    def reference(self, place: Place) -> Place:
-        """Return where a point is in the undeformed body frame: places count along the line."""
-        return self.beam.reference(place)
-
     def carried(self) -> Carried | None:
         """Return the vectors of each node with its section vectors, in the frame of the root none."""
         if self.framed:

@@ -9,7 +9,7 @@ import numpy as np
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, IntArray, distinct
 from hfsim.maths.rotations import lever
-from hfsim.mechanics.body import VectorBody
+from hfsim.mechanics.body import Place, VectorBody
 from hfsim.mechanics.markers import LinearMarker, Marker
 from hfsim.parts.bodies.balance import ROUNDING, MeshedBeam, Pair
 
@@ -26,6 +26,10 @@ class VectorBeam(MeshedBeam, VectorBody):
 
     if TYPE_CHECKING:
         framed: bool
+
+        @property
+        def gravity(self) -> Array:
+            """Acceleration of gravity that acts on it [m/s^2]."""
 
     @property
     def positions(self) -> Array:
@@ -64,10 +68,9 @@ class VectorBeam(MeshedBeam, VectorBody):
             remedy=f"--set {self.item}.elements={2 * self.mesh.count}, or loads that wind it up less",
         )
 
-    @property
-    def weighing(self) -> Array:
-        """Acceleration of gravity that acts on it [m/s^2]."""
-        raise NotImplementedError
+    def reference(self, place: Place) -> Place:
+        """Return where a point is in the undeformed body frame: places count along the line."""
+        return self.mesh.reference(place)
 
     def along(self, marker: Marker) -> float:
         """Return how far from the root the section of one of its points is [m]."""
@@ -78,7 +81,7 @@ class VectorBeam(MeshedBeam, VectorBody):
         """Return weight less inertia of its parts beyond places, and their moment about the root."""
         mesh, shifts = self.mesh, self.positions[:, None]
         spans, length = mesh.spans, mesh.length / mesh.count
-        arms, pulls = self.arms(x), shifts * self.weighing - self.vectors(a)
+        arms, pulls = self.arms(x), shifts * self.gravity - self.vectors(a)
 
         def summed(start: float, e: IntArray) -> Array:
             """Return force and moment, side by side, of parts of elements beyond a share of their length."""
