@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfsim.errors import SolverFailure
-from hfsim.integrators._base import Attempt, Integrator, Options, Stability, relative
+from hfsim.integrators._base import Attempt, Integrator, Stability, relative
 from hfsim.integrators._derivative import Derivative, form
 from hfsim.integrators._iteration import LINEAR, End, Iteration, Place
 from hfsim.integrators._problem import Increments, Problem
@@ -375,9 +375,10 @@ def _added(natural: Increments, at: Any, y: Array) -> Array:
     return (natural.from_natural if small else natural.advance)(at, y)
 
 
-def _make(solve: Options) -> EnergyMethod:
-    return EnergyMethod("energy", gauss(solve.stages or DEFAULT_STAGES), solve.tolerance)
-
-
-_STABILITY = Stability("A-stable, |R(iwh)| = 1; keeps the energy of any motion")
-ENERGY = Integrator(_make, _STABILITY, ("stages",), constant_mass=True, rank=5)
+ENERGY = Integrator(
+    lambda solve: EnergyMethod("energy", gauss(solve.stages or DEFAULT_STAGES), solve.tolerance),
+    Stability("A-stable, |R(iwh)| = 1; keeps the energy of any motion"),
+    ("stages",),
+    constant_mass=True,
+    rank=5,
+)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hfsim.integrators._base import SPAN_OF_POINTS, Attempt, Integrator, Options, Stability, Stepper
+from hfsim.integrators._base import SPAN_OF_POINTS, Attempt, Integrator, Stability, Stepper
 from hfsim.integrators._iteration import End, Place
 from hfsim.integrators._lengths import FAINT, ROUGH, RUNGS, SHRUNK, TARGET, factor, fitted
 from hfsim.integrators._nystrom import Nystrom, Step, order_6, order_8
@@ -171,8 +171,8 @@ def amplification(y: Array, order: int | None = None) -> Array:
     return np.abs(R)
 
 
-def _make(solve: Options) -> Explicit:
-    return Explicit(solve.tolerance, solve.step)
-
-
-EXPLICIT = Integrator(_make, Stability("stable up to wh = 6", amplification), rank=6)
+EXPLICIT = Integrator(
+    lambda solve: Explicit(solve.tolerance, solve.step),
+    Stability("stable up to wh = 6", amplification),
+    rank=6,
+)

@@ -14,16 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.integrators._base import (
-    Attempt,
-    Integrator,
-    Options,
-    Stability,
-    Stepper,
-    aimed,
-    cautious_step,
-    unsolved,
-)
+from hfsim.integrators._base import Attempt, Integrator, Stability, Stepper, aimed, cautious_step, unsolved
 from hfsim.integrators._newton import Implicit, Newton, NewtonStepper
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._tableau import gauss
@@ -308,9 +299,11 @@ def amplification(y: Array, order: int | None) -> Array:
     return np.array([np.abs(np.roots(base - 1j * value * unit)).max() for value in y])
 
 
-def _make(solve: Options) -> Gear:
-    return Gear(solve.tolerance, solve.step, solve.order)
-
-
-_STABILITY = Stability("A-stable", amplification)
-GEAR = Integrator(_make, _STABILITY, ("order",), orders=(1, 2, 3, 4, 5), rank=1, rescue=3)
+GEAR = Integrator(
+    lambda solve: Gear(solve.tolerance, solve.step, solve.order),
+    Stability("A-stable", amplification),
+    ("order",),
+    orders=(1, 2, 3, 4, 5),
+    rank=1,
+    rescue=3,
+)

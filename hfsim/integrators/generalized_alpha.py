@@ -10,16 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfsim.integrators._base import (
-    Attempt,
-    Integrator,
-    Options,
-    Stability,
-    aimed,
-    cautious_step,
-    relative,
-    unsolved,
-)
+from hfsim.integrators._base import Attempt, Integrator, Stability, aimed, cautious_step, relative, unsolved
 from hfsim.integrators._newton import Implicit, Newton, NewtonStepper
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._trajectory import two_point_series
@@ -123,9 +114,9 @@ class GeneralizedAlphaStepper(NewtonStepper):
         return Implicit(t, q, v, self._beta * share * h * h, self._gamma * share * h), share, rest
 
 
-def _make(solve: Options) -> GeneralizedAlpha:
-    return GeneralizedAlpha(solve.tolerance, solve.rho_inf)
-
-
-_STABILITY = Stability("unconditionally stable for linear scenes")
-GENERALIZED_ALPHA = Integrator(_make, _STABILITY, ("rho_inf",), rank=2)
+GENERALIZED_ALPHA = Integrator(
+    lambda solve: GeneralizedAlpha(solve.tolerance, solve.rho_inf),
+    Stability("unconditionally stable for linear scenes"),
+    ("rho_inf",),
+    rank=2,
+)
