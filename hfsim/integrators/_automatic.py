@@ -70,15 +70,6 @@ class Automatic:
             return AutomaticStepper(self, problem, t, q, v)
         return self.usual.start(problem, t, q, v)
 
-    def explicit(
-        self, problem: Problem, t: float, q: Array, v: Array, spinning: bool, a: Array | None = None
-    ) -> Stepper:
-        """Return what makes explicit steps from a state whose accelerations may be known."""
-        from hfsim.integrators.explicit import Explicit  # few scenes need it
-
-        sharper = SHARPER[spinning] if problem.rigid else 1.0
-        return Explicit(sharper * self.usual.tolerance).start(problem, t, q, v, a)
-
 
 class AutomaticStepper(Stepper):
     """One of two methods at work: once collocation, always collocation."""
@@ -197,8 +188,11 @@ class AutomaticStepper(Stepper):
         return self._method.usual.start(problem, *start), False
 
     def _begin(self, problem: Problem, t: float, q: Array, v: Array, a: Array | None = None) -> Stepper:
-        """Return what makes explicit steps from a state."""
-        return self._method.explicit(problem, t, q, v, self._spinning, a)
+        """Return what makes explicit steps from a state whose accelerations may be known."""
+        from hfsim.integrators.explicit import Explicit  # few scenes need it
+
+        sharper = SHARPER[self._spinning] if problem.rigid else 1.0
+        return Explicit(sharper * self._method.usual.tolerance).start(problem, t, q, v, a)
 
     def _followed(self, most: float) -> Followed | None:
         """Return what `followed` does at the start."""

@@ -265,11 +265,8 @@ class Problem:
         """Return accelerations of a batch, with strains that are expected if given, and count the call."""
         self.count(q)
         if strains is None or self.strains is None:
-            return self.often.call(f"acceleration {len(q)}", self._accelerated, (t, q, v))
+            return self.often.call(f"acceleration {len(q)}", self.acceleration, (t, q, v))
         return self.often.call(f"acceleration by strains {len(q)}", self._strained, (t, q, v, strains))
-
-    def _accelerated(self, t: Array, q: Array, v: Array) -> Array:
-        return np.asarray(self.acceleration(t, q, v))
 
     def _strained(self, t: Array, q: Array, v: Array, strains: Array) -> Array:
         assert self.strains is not None

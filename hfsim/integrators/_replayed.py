@@ -48,7 +48,7 @@ class Held:
     def apart(self, problem: Problem) -> Derivative:
         """Return the same in memory of its own."""
         self.replay.holds(problem, self)
-        found: Derivative = rebuilt(self.replay.template)
+        found: Derivative = rebuilt(self.replay.recorded.template)
         found.taken, found.ways = self.taken, self.ways
         return found
 
@@ -159,11 +159,6 @@ class Replay:
         return self.recorded.a
 
     @property
-    def template(self) -> Derivative:
-        """A derivative whose arrays are the memory of the recording."""
-        return self.recorded.template
-
-    @property
     def whole(self) -> bool:
         """Whether all that is done in steps is recorded: derivatives, the projection, the turns of angles."""
         return self.derives and self.recorded.whole
@@ -242,7 +237,7 @@ class Replay:
         if derivative is self.held:
             return True
         if isinstance(derivative, Derivative):
-            if form(derivative) != form(self.template):
+            if form(derivative) != form(self.recorded.template):
                 return False
             self.recorded.put(derivative)
         elif derivative.replay.kind == self.kind:

@@ -93,9 +93,9 @@ def balanced(
         rough = before < ROUGH and size > SHRINKING * before
         held = before * problem.hold < EPSILON and size > STUCK * before
         if problem.hold and held:
-            return problem.at(_firmly(problem, state, level))
+            return _firmly(problem, state, level).by_itself()
         if size < ENOUGH or rough:
-            return problem.at(state)
+            return state.by_itself()
         before = size
     raise NotFoundError("the iteration does not converge", state)
 

@@ -210,7 +210,7 @@ class Path:
             state = State(state.z + dz, state.multipliers + change, problem.expecting(state, dz))
             load += grown
             if size < NEAR or (before < ROUGH and size > 0.25 * before):
-                return self._point(problem.at(state), load, here)
+                return self._point(state.by_itself(), load, here)
             before = size
         raise NotFoundError("the iteration does not converge", state)
 

@@ -72,6 +72,10 @@ class State(NamedTuple):
     multipliers: Array
     expected: list[Array | None] | None = None
 
+    def by_itself(self) -> State:
+        """Return it with the strains that it has, not others that were expected."""
+        return self._replace(expected=None)
+
 
 Watch = Callable[[float, State], None]
 
@@ -371,7 +375,3 @@ class Problem:
             changes = np.bincount(rows, slopes * dx[0, columns], one.part.strain_stiffness.size)
             found.append(one.part.strain(x) + changes)
         return found
-
-    def at(self, state: State) -> State:
-        """Return a state with the strains that it has, not others that were expected."""
-        return state._replace(expected=None)

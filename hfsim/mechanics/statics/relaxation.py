@@ -113,11 +113,11 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
         problem.note(load, state)
         effort.steps += 1
         if size < ENOUGH:
-            return problem.at(state)
+            return state.by_itself()
         if step >= longest and before < SAME and size > SHRINKING * before:
             held = _held(problem, state, level, effort)
             if held is not None or before < ROUGH:
-                return held or problem.at(state)
+                return held or state.by_itself()
         if short and step >= longest and before > size > max(SAME, STUCK * before):
             short = size <= CLEARLY * _by_rounding(problem, state, level, Tangent(K + metric / step, J))
             if not short:
@@ -129,7 +129,7 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
         if step < longest or problem.moved(state.z - place) > SAME:
             place, first, stayed = state.z, size, 0
         if stayed >= STILL and size > 0.25 * first:
-            return problem.at(state)
+            return state.by_itself()
         if strides.endless(state, dz, done):
             raise NotFoundError(ON_AND_ON, state, dz)
         growth = 2.0 if size > 0.3 * before else min(100.0, 2.0 * before / size)

@@ -73,14 +73,6 @@ class Signs:
         return int(np.sum(self.lowest(state, load)[0] < 0.0))
 
 
-def mass_at(problem: Problem, state: State) -> Matrix:
-    """Return the mass matrix of the free coordinates, (n, n), with an inverse on all that joints allow."""
-    system = problem.system
-    if not system.variable_mass:
-        return system.equations.free_mass
-    return system.reduction.reduced(system.equations.mass(problem.expand(state.z))[0])
-
-
 def neutral(problem: Problem, state: State, load: float, rigid: Array) -> Array:
     """Return the motions of rigid bodies that joints allow and nothing resists.
 
@@ -169,11 +161,11 @@ def lowest(problem: Problem, state: State, load: float) -> tuple[Array, Array]:
     values : ndarray, shape (k,)
     motions : ndarray, shape (k, n)
     """
-    here, system = problem.at(state), problem.system
+    here, system = state.by_itself(), problem.system
     K, J = problem.tangent(here, load)
     K = _symmetric(K, bool(system.variable_mass))
     J = J[np.flatnonzero(np.asarray(abs(J).sum(axis=1)).ravel())]  # of the others nothing can move
-    M, precision, blur = mass_at(problem, state), EPS, None
+    M, precision, blur = system.reduction.reduced(system.equations.mass_at(problem.expand(here.z))), EPS, None
     if system.variable_mass:
         precision = BY_DIFFERENCES
         if not _positive(M, J):  # far from straight there are models without a mass matrix

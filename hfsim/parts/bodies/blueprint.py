@@ -11,7 +11,7 @@ from hfsim.mechanics.body import Place, places
 from hfsim.mechanics.connectivity import Connectivity
 from hfsim.mechanics.force import ConstantForce
 from hfsim.parts.bodies.mesh import BeamMesh
-from hfsim.parts.elements import ELEMENTS, Continuum, ElasticLaw, Measures
+from hfsim.parts.elements import ELEMENTS, Continuum, Measures
 from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce, MaterialDamping
 
 if TYPE_CHECKING:
@@ -145,10 +145,6 @@ class Blueprint(NamedTuple):
         own = vectors[:, first + np.arange(element.stride + element.per_node)]
         return np.asarray(element.differences() @ own)
 
-    def law(self, measures: Measures) -> ElasticLaw:
-        """Return the elastic law of its elements on their difference vectors."""
-        return self.mesh.law(measures)
-
     def elastic_force(self, n: int) -> ElasticForce:
         """Return the elastic force on its nodal vectors in the form asked for."""
         law, vectors = self.mesh.elastic_law(self.form, self.measures)
@@ -188,8 +184,7 @@ class Blueprint(NamedTuple):
         Shapes (n_elements, n_vectors * n_dim, n_vectors * n_dim).
         """
         straight = self.difference_vectors(self.undeformed[None])
-
-        law = self.law(self.measures._replace(curvature=curvature))
+        law = self.mesh.law(self.measures._replace(curvature=curvature))
         K = np.asarray(law.hessian(straight)[0])
         if not self.properties.damped:
             return K, np.zeros_like(K)

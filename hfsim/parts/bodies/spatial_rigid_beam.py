@@ -27,11 +27,6 @@ class UnitAxis(Perpendicular):
     unit: ClassVar[str] = "-"
     why_kept: ClassVar[str] = "a rigid line keeps its length"
 
-    @classmethod
-    def of(cls, marker: VectorMarker, item: str) -> UnitAxis:
-        """Return the equation for the body of a marker."""
-        return cls(marker, marker, TANGENT, TANGENT, offset=1.0, item=item)
-
 
 @frozen
 class SpatialRigidBeam(VectorBody):
@@ -82,7 +77,8 @@ class SpatialRigidBeam(VectorBody):
 
     def own_constraints(self) -> Iterator[Constraint]:
         """Yield what keeps the length."""
-        yield UnitAxis.of(self.marker(self.origin), self.item)
+        root = self.marker(self.origin)
+        yield UnitAxis(root, root, TANGENT, TANGENT, offset=1.0, item=self.item)
 
     @property
     def _mass(self) -> Array:

@@ -149,8 +149,7 @@ class Samples:
 
     def frame(self, body: str) -> Array:
         """Return the axes of a body frame in space as columns, shape (n_times, 3, 3)."""
-        marker = self.scene.marker(body)
-        return np.stack([marker.turned(self.x, axis) for axis in np.eye(3)], axis=-1)
+        return self.scene.marker(body).frame(self.x)
 
 
 def body_places(body: Body, point: str) -> Array:
