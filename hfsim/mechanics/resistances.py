@@ -7,7 +7,7 @@ forces [N or N m] and energies [J].  A force counts as positive where it drives 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -148,8 +148,27 @@ class LinearSpring(Resistance):
         return np.full_like(s, self.stiffness), np.full_like(s, self.damping)
 
 
+class Led(Resistance):
+    """What a law of time leads: it holds nothing, and does work where the law moves on."""
+
+    law: Law
+    holds: ClassVar[bool] = False
+    exchanges_power: ClassVar[bool] = True
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """The law."""
+        return (self.law,)
+
+    def standing(self: Any) -> Any:
+        """Return it with its law standing still."""
+        from hfsim.deck.laws import StandingLaw
+
+        return replace(self, law=StandingLaw(self.law))
+
+
 @dataclass(frozen=True)
-class Wound(Resistance):
+class Wound(Led):
     """A spring whose rest follows a law of time, as a winch moves it: by s - law and w - law'.
 
     It stores what it would if that stood; what moves it does work against its force.
@@ -162,24 +181,11 @@ class Wound(Resistance):
 
     spring: Resistance
     law: Law
-    holds: ClassVar[bool] = False
-    exchanges_power: ClassVar[bool] = True
 
     @property
     def uses_rates(self) -> bool:
         """Whether the spring does."""
         return self.spring.uses_rates
-
-    @property
-    def laws(self) -> tuple[Law, ...]:
-        """The law."""
-        return (self.law,)
-
-    def standing(self) -> Wound:
-        """Return it with its rest standing still."""
-        from hfsim.deck.laws import StandingLaw
-
-        return replace(self, law=StandingLaw(self.law))
 
     def energy(self, t: Array, s: Array) -> Array:
         """Return that of the spring."""
@@ -313,7 +319,7 @@ class Push(Resistance):
 
 
 @dataclass(frozen=True)
-class Control(Resistance):
+class Control(Led):
     """What a servo does: it drives s back to a law of time, by k (s - law) + d (w - law').
 
     All of it is power exchanged: what it stored would depend on the time.
@@ -330,24 +336,11 @@ class Control(Resistance):
     stiffness: float
     damping: float
     limit: float | None
-    holds: ClassVar[bool] = False
-    exchanges_power: ClassVar[bool] = True
 
     @property
     def uses_rates(self) -> bool:
         """Whether it is damped."""
         return self.damping > 0.0
-
-    @property
-    def laws(self) -> tuple[Law, ...]:
-        """The law."""
-        return (self.law,)
-
-    def standing(self) -> Control:
-        """Return it with its law standing still."""
-        from hfsim.deck.laws import StandingLaw
-
-        return replace(self, law=StandingLaw(self.law))
 
     def _asked(self, t: Array, s: Array, w: Array) -> Array:
         """Return what the gains ask for."""
