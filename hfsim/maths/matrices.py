@@ -154,6 +154,20 @@ def dense(matrix: Matrix) -> Array:
     return np.asarray(matrix.toarray() if is_sparse(matrix) else matrix)
 
 
+def positive(matrix: Array) -> bool:
+    """Tell whether a symmetric matrix is positive definite."""
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def complement(rows: Array) -> Array:
+    """Return what rows (m, n) of full rank send to nothing, an orthonormal basis (n, n - m)."""
+    return np.linalg.qr(rows.T, mode="complete")[0][:, len(rows) :]
+
+
 def factorised(matrix: Matrix) -> Callable[[Array], Array]:
     """Return the map from right-hand sides (..., n) to solutions with a square matrix.
 

@@ -10,7 +10,7 @@ from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.differences import slopes
 from hfsim.maths.eigenvectors import eigenvectors
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import Matrix, dense
+from hfsim.maths.matrices import Matrix, complement, dense
 from hfsim.mechanics.linearized import Linearized, rows_of
 from hfsim.mechanics.small_motions import small_motions
 from hfsim.mechanics.system import System
@@ -137,7 +137,7 @@ def modes_at_rest(system: System, t: float, q: Array) -> Modes:
     x = system.absolute(q[None])
     near = small_motions(system, t, x[0], 0.0 * x[0])
     M, D, K, J, B = map(dense, (near.mass, near.velocity, near.stiffness, near.jacobian, near.basis))
-    Z = np.linalg.qr(J.T, mode="complete")[0][:, len(J) :].T
+    Z = complement(J).T
     Z = rows_of(Z @ M @ Z.T) @ Z
     at = np.repeat(x, len(Z), axis=0)
     basis = system.state(at, Z @ B.T, np.repeat(q[None], len(Z), axis=0))[1]

@@ -17,7 +17,7 @@ import numpy as np
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
+from hfsim.maths.matrices import Entries, Matrix, assemble, complement, is_sparse, positive
 from hfsim.maths.traced import apart
 from hfsim.mechanics.chart import Chart
 from hfsim.mechanics.constraints import Constraint
@@ -352,12 +352,9 @@ class System:
 
     def _has_inertia(self, x: Array, through: Through) -> bool:
         """Whether the mass matrix is positive definite in a state (1, n_x), for allowed motions at least."""
-        try:
-            # for all: that is found much sooner
-            np.linalg.cholesky(through("mass matrix", self.unreduced.mass, (x,))[0])
-        except np.linalg.LinAlgError:
-            return self._smallest_inertia(x)[0] > 0.0
-        return True
+        # for all: that is found much sooner
+        found = positive(through("mass matrix", self.unreduced.mass, (x,))[0])
+        return found or self._smallest_inertia(x)[0] > 0.0
 
     def _smallest_inertia(self, x: Array) -> tuple[float, Array]:
         """Return the smallest eigenvalue of the mass matrix among allowed motions, and that motion.
@@ -367,10 +364,7 @@ class System:
         equations, sizes = self.unreduced, np.diag(self.unreduced.mass(self._straightened(x))[0])
         scale = 1.0 / np.sqrt(np.maximum(sizes, sizes[sizes > 0.0].min()))
         M = equations.mass(x)[0] * np.outer(scale, scale)
-        Z = np.eye(self.n_x)
-        if equations.constraints:
-            rows = equations.phi.jacobians(x)[0] * scale
-            Z = np.linalg.qr(rows.T, mode="complete")[0][:, len(rows) :]
+        Z = complement(equations.phi.jacobians(x)[0] * scale)
         sizes, motions = np.linalg.eigh(Z.T @ M @ Z)
         return float(sizes[0]), Z @ motions[:, 0]
 

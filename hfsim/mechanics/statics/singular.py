@@ -6,7 +6,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.eigenvectors import eigenvectors
-from hfsim.maths.matrices import Matrix, dense, is_sparse, skewness
+from hfsim.maths.matrices import Matrix, complement, dense, is_sparse, skewness
 from hfsim.maths.pencils import EPS
 from hfsim.mechanics.small_motions import BY_DIFFERENCES
 from hfsim.mechanics.statics.newton import Effort, balanced
@@ -68,9 +68,7 @@ def _scale(K: Matrix, metric: Matrix) -> Array:
 
 def _allowed(J: Array, scale: Array) -> Array:
     """Return a basis of the motions that joints allow, (n, k)."""
-    if not len(J):
-        return np.diag(scale)
-    return np.asarray(scale[:, None] * np.linalg.qr((J * scale).T, mode="complete")[0][:, len(J) :])
+    return np.asarray(scale[:, None] * complement(J * scale))
 
 
 def _spanned(motions: Array, scale: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, random_signs
 from hfsim.maths.eigenpairs import eigenpairs
-from hfsim.maths.matrices import Matrix, assemble, dense, is_sparse, skewness
+from hfsim.maths.matrices import Matrix, assemble, complement, dense, is_sparse, positive, skewness
 from hfsim.maths.pencils import EPS, Pencil
 from hfsim.maths.rank import null_space
 from hfsim.maths.squares import slowest_squares
@@ -126,20 +126,12 @@ def _unresisted(stiffness: Array, size: Array) -> tuple[BoolArray, Array]:
     felt = np.abs(stiffness) > least
     alone = ~(felt.any(axis=0) | felt.any(axis=1))
     own, size = (one[np.ix_(~alone, ~alone)] for one in (stiffness, size))
-    if _resists_all(own, NONE * size.sum(axis=1).max(initial=0.0)):
+    surely = NONE * size.sum(axis=1).max(initial=0.0)
+    if positive(0.5 * (own + own.T) - surely * np.eye(len(own))):
         return alone, np.zeros((0, len(own)))
     # of loads that turn with bodies it is not symmetric, and only what no force at all answers is free
     _, values, mixed = np.linalg.svd(own)
     return alone, mixed[values <= NONE * np.diag(mixed @ size @ mixed.T).clip(min=least / NONE)]
-
-
-def _resists_all(stiffness: Array, least: float) -> bool:
-    """Tell whether a stiffness, maybe not symmetric, surely resists all motions by more than that."""
-    try:
-        np.linalg.cholesky(0.5 * (stiffness + stiffness.T) - least * np.eye(len(stiffness)))
-    except np.linalg.LinAlgError:
-        return False
-    return True
 
 
 def are_pushed(problem: Problem, state: State, motions: Array) -> bool:
@@ -240,10 +232,5 @@ def is_symmetric(K: Matrix, by_differences: bool) -> bool:
 
 def _positive(M: Matrix, J: Matrix) -> bool:
     """Tell whether all motions that rows allow have mass."""
-    rows = dense(J)
-    allowed = np.linalg.qr(rows.T, mode="complete")[0][:, len(rows) :]
-    try:
-        np.linalg.cholesky(allowed.T @ dense(M) @ allowed)
-    except np.linalg.LinAlgError:
-        return False
-    return True
+    allowed = complement(dense(J))
+    return positive(allowed.T @ dense(M) @ allowed)
