@@ -49,15 +49,10 @@ class Limits(NamedTuple):
     step : float or None
         Fixed step length [s].
     max_steps : int or None
-    short, shortest : float
-        Step lengths, relative to the duration: below the first a known cause ends the run, below the
-        second the run has failed whatever the cause.
     """
 
     step: float | None = None
     max_steps: int | None = None
-    short: float = 1e-6
-    shortest: float = 1e-11
 
 
 SPAN, SPAN_OF_POINTS = 0.25, 0.1

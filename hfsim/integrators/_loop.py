@@ -21,6 +21,9 @@ from hfsim.maths.arrays import Array, are_finite
 
 EDGES = 3
 """Attempts from one state that end at the edge they have met: each may meet it again a little earlier."""
+SHORT, SHORTEST = 1e-6, 1e-11
+"""Step lengths, relative to the duration: below the first a known cause ends the run, below the second the
+run has failed whatever the cause."""
 AHEAD = 1e-4
 """Length of a step, relative to the duration, up to which what lies at its end is to blame."""
 
@@ -180,7 +183,7 @@ class Stepping:
                     self._wish = min(self._wish, stepper.first)
                 continue
             tried = Segment(path.t_end, h, path.q, path.v, attempt.series)
-            has_edges = fixed is None and h > self._limits.short * self._duration
+            has_edges = fixed is None and h > SHORT * self._duration
             if has_edges and (early := self._problem.edges.first(tried)) < h:
                 edges, self._problem.counts.rejected = edges + 1, self._problem.counts.rejected + 1
                 self._pace.note(path.t_end, True, False)
@@ -377,8 +380,8 @@ class Stepping:
 
     def _refuse_collapse(self, wish: float) -> None:
         """Raise the cause when steps have become too short to go on."""
-        shortest = max(self._limits.shortest * float(np.ptp(self._stretch)), float(np.spacing(self._t_end)))
-        if wish > max(self._limits.short * self._duration, shortest):
+        shortest = max(SHORTEST * float(np.ptp(self._stretch)), float(np.spacing(self._t_end)))
+        if wish > max(SHORT * self._duration, shortest):
             return
         if (cause := self._problem.breakdown(self.path.t_end, self.path.q)) is not None:
             raise cause

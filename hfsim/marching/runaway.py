@@ -68,7 +68,7 @@ class EnergyWatch:
         due = self._start + self._work - potential
         self._most = max(self._most, abs(due), abs(self._work), abs(potential - self._potential))
         if moving - due > LIMIT * self._most:
-            raise system.breakdown(t, q) or self._failure(t, x, u, moving - due)
+            raise system.breakdown(t, q) or self._failure(t, u, moving - due)
 
     def memory(self) -> Array:
         """Return what is known so far."""
@@ -79,7 +79,7 @@ class EnergyWatch:
         *last, self._work, self._most, self._start, self._potential = map(float, memory)
         self._last = (last[0], last[1]) if last else None
 
-    def _failure(self, t: float, x: Array, u: Array, gained: float) -> SolverFailure:
+    def _failure(self, t: float, u: Array, gained: float) -> SolverFailure:
         body = max(self._truncated, key=lambda one: float(np.abs(u[:, one.columns]).max()))
         return SolverFailure(
             reason=f"the inertia force of body '{body.name}' in model {body.model} feeds energy that "

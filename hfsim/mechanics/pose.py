@@ -71,17 +71,12 @@ class Twist(NamedTuple):
 
     Examples
     --------
-    >>> Twist.planar((1.0, 0.0), 2.0).turning(np.array([0.5, -0.5]))
+    >>> Twist(np.array([1.0, 0.0]), np.array([2.0])).turning(np.array([0.5, -0.5]))
     array([1., 1.])
     """
 
     velocity: Array
     spin: Array
-
-    @classmethod
-    def planar(cls, velocity: Array | tuple[float, ...], omega: float) -> Twist:
-        """Return a motion in the plane."""
-        return cls(np.asarray(velocity, dtype=float), np.array([omega]))
 
     def turning(self, a: Array) -> Array:
         """Return the rates of vectors (..., n_dim) that turn with the body, in ground axes."""

@@ -143,7 +143,8 @@ def test_a_rigid_beam_has_the_mass_and_inertia_of_its_mesh():
             body = scene.bodies["b1"]
             x, u = (np.zeros((1, scene.system.n_x)) for _ in range(2))
             x[0, body.columns] = body.placed(Pose.planar((0.2, -0.1), 0.7))
-            u[0, body.columns] = body.moving(Pose.planar((0.0, 0.0), 0.7), Twist.planar((0.3, 0.5), 2.0))
+            twist = Twist(np.array([0.3, 0.5]), np.array([2.0]))
+            u[0, body.columns] = body.moving(Pose.planar((0.0, 0.0), 0.7), twist)
             energy.append(scene.system.kinetic_energy(x, u)[0])
             assert scene.marker("b1").position(x)[0] == pytest.approx([0.2, -0.1], abs=1e-15)
         assert energy[0] == pytest.approx(energy[1], rel=1e-13)

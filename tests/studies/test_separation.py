@@ -3,6 +3,7 @@
 import csv
 import json
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -44,7 +45,7 @@ def test_a_quadratic_map_sums_all_products(scaled, rng):
     scale = rng.uniform(1.0, 9.0, size=(3, 1)) if scaled else None
     x = rng.normal(size=(2, 3, 4))
     expected = np.einsum("cdo,bec,bed->beo", full, x, x) + constant
-    mine = QuadraticMap.of(full, constant, scale)
+    mine = replace(QuadraticMap.of(full, constant), scale=scale)
     assert len(mine.first) == 9  # ten pairs, one of them never used
     close(mine(x), expected * (scale if scaled else 1.0), 1e-13)
 

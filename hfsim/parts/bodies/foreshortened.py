@@ -197,11 +197,6 @@ class ForeshortenedBeam(ForcePart):
         """Return the mass matrix times rates, (n_batch, m, n)."""
         raise NotImplementedError
 
-    def kinetic_energy(self, x: Array, u: Array) -> Array:
-        """Return 1/2 u^T M u with the mass matrix of the model [J]."""
-        rates = u[:, None, self.columns]
-        return np.asarray(0.5 * np.sum(self.momenta(x, rates) * rates, axis=(1, 2)))
-
     def _fields(self, x: Array) -> Fields:
         """Return the values at the quadrature points."""
         raise NotImplementedError

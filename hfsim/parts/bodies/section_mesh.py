@@ -220,7 +220,7 @@ class SectionMesh:
         """Return the properties at distances from the root [m], arrays of their shape where they vary."""
         return self.properties.at(places / self.axis.length)
 
-    def shape(self, place: Array | float, derivative: int = 0) -> tuple[Array, Array]:
+    def shape(self, place: Array | float) -> tuple[Array, Array]:
         """Return the rows of position, and of the section vectors, over all nodal vectors.
 
         Shapes (*place.shape, n_dim n_nodes) and (*place.shape, n_dim - 1, n_dim n_nodes), for places
@@ -229,7 +229,7 @@ class SectionMesh:
         places = np.atleast_1d(place) / self._element_length
         e = np.minimum(places.astype(int), self.count - 1)
         nodes, _ = gauss_lobatto(self.degree + 1)
-        values = lagrange(places - e, nodes, derivative) / self._element_length**derivative
+        values = lagrange(places - e, nodes)
         rows = np.zeros((len(e), self.n_dim, self.n_nodes, self.n_dim))
         for k in range(self.n_dim):
             rows[np.arange(len(e))[:, None], k, self._nodes[e], k] = values

@@ -151,9 +151,9 @@ class QuadraticMap:
     scale: Array | None = None
 
     @classmethod
-    def of(cls, full: Array, constant: Array, scale: Array | None = None) -> QuadraticMap:
+    def of(cls, full: Array, constant: Array) -> QuadraticMap:
         """Return the map with the factors full[c, d] of each product x_c x_d, shape (n, n, n_out)."""
-        return cls(*symmetric(full), constant, scale)
+        return cls(*symmetric(full), constant)
 
     def __call__(self, x: Array) -> Array:
         """Return the sums, shape (..., n_out), for x of shape (..., n_elements, n)."""
