@@ -37,9 +37,11 @@ _TEXT = (
     Column("moves", "mostly"),
 )
 _OF_PERIOD = (
-    *_TEXT[:2],
-    Column("multiplier", "multiplier", lambda value: f"{abs(value):.7g}"),
-    *_TEXT[3:],
+    _TEXT[0],
+    Column("frequency [Hz]", lambda one: _certain(one.frequency, one.uncertainty / (2.0 * np.pi), 7)),
+    Column("multiplier", lambda one: _certain(abs(one.multiplier), _off(one), 7)),
+    Column("growth [1/s]", lambda one: _growth(one), spare=1),
+    *_TEXT[4:],
 )
 _MOST_TOLD = 6
 _FAR = 1.0
@@ -50,6 +52,28 @@ _STILL = 1e-9
 
 def _ratio(mode: Mode) -> str:
     return f"{mode.damping_ratio:.4g}" if mode.value.imag and mode.value.real else "-"
+
+
+def _off(mode: Mode) -> float:
+    """Return how far off a multiplier may be."""
+    assert mode.multiplier is not None and mode.about.period is not None
+    return abs(mode.multiplier) * mode.about.period * mode.uncertainty
+
+
+def _certain(value: float, off: float, most: int) -> str:
+    """Return a value with the digits, most of all, that are certain where it may be off by so much.
+
+    Examples
+    --------
+    >>> _certain(0.0913029, 1e-5, 7), _certain(0.0913029, 1e-9, 7), _certain(2.0, 3.0, 7)
+    ('0.0913', '0.0913029', '2')
+    """
+    digits = 1.0 + np.log10(abs(value) / off) if value and off else most
+    return f"{value:.{int(np.clip(digits, 1, most))}g}"
+
+
+def _growth(mode: Mode) -> str:
+    return _certain(mode.growth, mode.uncertainty, 4) if mode.growth else "-"
 
 
 def modes_text(found: Modes, place: str) -> str:

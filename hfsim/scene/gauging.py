@@ -132,6 +132,14 @@ def units_of(scene: Assembled) -> Array:
     return units
 
 
+def lengths_of(scene: Assembled) -> BoolArray:
+    """Tell which coordinates are lengths, not angles, slopes or directions, (n_x,)."""
+    lengths = np.zeros(scene.system.n_x, dtype=bool)
+    for body in scene.bodies.values():
+        lengths[body.columns] = _are_lengths(body)
+    return lengths
+
+
 def _metric(system: System, x: Array) -> Matrix:
     """Return the mass matrix in a state (1, n_x), with an inverse."""
     equations = system.equations

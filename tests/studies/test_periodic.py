@@ -71,14 +71,14 @@ def test_a_pendulum_whose_pivot_is_shaken_is_that_of_mathieu(ratio, grows):
         assert found.unstable[0].frequency == pytest.approx(0.5 / period)
 
 
-def rotor(n_blades, rate, mount):
-    """A hub on a mount of two stiffnesses that is driven, with blades on lag hinges."""
+def rotor(n_blades, rate, mount, size=1.0):
+    """A hub on a mount of two stiffnesses that is driven, with blades on lag hinges, of a size."""
     angles = 2.0 * np.pi * np.arange(n_blades) / n_blades
-    hub = {f"p{k}": [HINGE * np.cos(a), HINGE * np.sin(a)] for k, a in enumerate(angles)}
+    hub = {f"p{k}": [size * HINGE * np.cos(a), size * HINGE * np.sin(a)] for k, a in enumerate(angles)}
     deck = {
         "hfsim": 1,
         "gravity": [0, 0],
-        "bodies": {"hub": {"type": "rigid", "mass": MASS, "inertia": 1.0, "points": hub}},
+        "bodies": {"hub": {"type": "rigid", "mass": MASS, "inertia": size**2, "points": hub}},
         "joints": {
             "motor": {
                 "type": "driver",
@@ -97,13 +97,13 @@ def rotor(n_blades, rate, mount):
         deck["bodies"][blade] = {
             "type": "rigid",
             "mass": BLADE,
-            "inertia": OWN,
-            "points": {"in": [-ARM, 0]},
+            "inertia": OWN * size**2,
+            "points": {"in": [-ARM * size, 0]},
         }
         deck["joints"][f"lag{k}"] = {"type": "revolute", "between": between}
         deck["springs"][f"s{k}"] = {
             **{"type": "rotational", "between": ["hub", blade], "rest_angle": angle},
-            **{"stiffness": STIFF, "damping": DAMPING},
+            **{"stiffness": STIFF * size**2, "damping": DAMPING * size**2},
         }
         deck["initial"][blade] = {"angle": angle, "angular_velocity": rate}
     return deck
@@ -130,11 +130,18 @@ def of_rotor(n_blades, rate, mount):
 
 
 @pytest.mark.parametrize(
-    ("n_blades", "rate", "mount", "grows"),
-    [(2, 12.0, [900.0, 400.0], False), (4, 14.0, [900.0, 500.0], True), (3, 12.0, [900.0, 900.0], False)],
+    ("n_blades", "rate", "mount", "size", "grows"),
+    [
+        (2, 12.0, [900.0, 400.0], 1.0, False),
+        (2, 12.0, [900.0, 400.0], 1e-6, False),
+        (4, 14.0, [900.0, 500.0], 1e3, True),
+        (3, 12.0, [900.0, 900.0], 1.0, False),
+    ],
 )
-def test_blades_on_a_soft_mount_shake_themselves_as_their_linear_equations_say(n_blades, rate, mount, grows):
-    found = hfsim.modes(rotor(n_blades, rate, mount), period=2.0 * np.pi / rate)
+def test_blades_on_a_soft_mount_shake_themselves_as_their_linear_equations_say(
+    n_blades, rate, mount, size, grows
+):
+    found = hfsim.modes(rotor(n_blades, rate, mount, size), period=2.0 * np.pi / rate)
     assert len(found) == n_blades + 2 and found.whole
     assert bool(found.unstable) is grows
     assert max(distances(found, of_rotor(n_blades, rate, mount))) < 1e-7

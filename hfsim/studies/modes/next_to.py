@@ -15,16 +15,18 @@ import numpy as np
 from hfsim.maths.arrays import Array, are_finite
 from hfsim.maths.squares import squares_of
 from hfsim.mechanics.force import ForcePart
+from hfsim.mechanics.projection import Projection
 from hfsim.mechanics.small_motions import SmallMotions
 from hfsim.mechanics.system import System
 from hfsim.mechanics.ties import Tie
 from hfsim.scene.build import Scene
+from hfsim.scene.gauging import lengths_of
 from hfsim.studies.modes.state import About, ModesError, linearised, run_until
 
 OFTEN = 50.0
 """Swings in a period of a motion that is as fast as those which follow: runs would have to resolve it."""
 _APART = 3e-4
-"""How far a state is moved, over the size of the scene, or over one where that is larger."""
+"""How far a state is moved: lengths over the size of the scene, angles, slopes and directions over one."""
 _WOUND = 1e-3
 """Part of the force of a spring or servo from which it is other after a period, as motions nearly close."""
 _SEEN = 8
@@ -128,8 +130,9 @@ class NextTo:
     @cached_property
     def steps(self) -> Array:
         """How far states are moved by each number, (2 r,): fast motions less, so that all are as quick."""
-        largest = np.abs(self.displacements).max(axis=0) * self._rates * self.period
-        return np.tile(_APART * min(1.0, self.about.size) / largest, 2)
+        units = np.where(lengths_of(self.about.scene), self.about.size, 1.0)
+        largest = (np.abs(self.displacements).T / units).max(axis=1) * self._rates * self.period
+        return np.tile(_APART / largest, 2)
 
     @cached_property
     def _read(self) -> Array:
@@ -160,7 +163,10 @@ class NextTo:
             at = natural.geometry(z)
             dz = natural.advance(at, natural.to_natural(at, dz))
         x, u = system.reduction.expand(z + dz), system.reduction.expand_rates(w + dw)
-        q, v = system.project(np.array([self.about.t]), *system.state(x, u, self.q[None]))
+        t = np.array([self.about.t])
+        q, v = system.project(t, *system.state(x, u, self.q[None]))
+        if system.equations.constraints:  # in small scenes what a move does to these may pass for rounding
+            q, v = system.state(*Projection(system).steadied(t, q, v), q)
         return q[0], v[0]
 
     def _path(self, q: Array, v: Array) -> Array:
