@@ -22,7 +22,7 @@ from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.joint_rows import JointRows
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.planar_markers import RigidMarker
-from hfsim.mechanics.pose import Pose
+from hfsim.mechanics.pose import Pose, Twist
 
 LEVEL = np.eye(3)
 CLOSED = 1e-9
@@ -99,6 +99,8 @@ class Linkage:
         In space, from which the turns of the frames count, as rotation vectors.
     senses : tuple of Sense
         Axes that are not to point in opposite ways, though the constraints would allow it.
+    bodies : tuple of Body
+        Whose frames these are.
     """
 
     constraints: tuple[Constraint, ...]
@@ -106,6 +108,7 @@ class Linkage:
     n_dim: int
     centres: Array | None = None
     senses: tuple[Sense, ...] = ()
+    bodies: tuple[Body, ...] = ()
 
     def owner(self, marker: Marker) -> int | None:
         """Return the number of the body that a marker is on; None for the ground."""
@@ -145,11 +148,11 @@ class Linkage:
 
     @cached_property
     def size(self) -> float:
-        """Largest distance of a joint from the origin of what it is on [m]; 1 where all are none."""
+        """Largest distance of a joint from the origin of what it is on [m]; of bodies, where all are none."""
         at_origin = np.zeros((1, self.n))
         marks = [marker.position(at_origin)[0] for c in self.constraints for marker in c.ends]
         size = max([float(np.linalg.norm(mark)) for mark in marks], default=0.0)
-        return size if size > NO_LENGTH else 1.0
+        return size if size > NO_LENGTH else max(map(_reach, self.bodies), default=0.0) or 1.0
 
     @cached_property
     def units(self) -> Array:
@@ -329,6 +332,21 @@ class Linkage:
     def nearest(self, x: Array, weights: Array | float = 1.0) -> Array:
         """Return of places (n_batch, n) those, (n,), with the smallest sum of weighted squares of gaps."""
         return np.asarray(x[int(np.argmin(np.sum((weights * self.gaps(x)) ** 2, axis=1)))])
+
+
+def _reach(body: Body) -> float:
+    """Return how far a body extends from its origin; its radius of gyration, if it has no points [m]."""
+    if body.still:
+        return 0.0
+    x, pose, own = np.zeros((1, body.columns.stop)), Pose.level(np.zeros(body.n_dim)), body.columns
+    x[0, own] = body.placed(pose)
+    far = magnitude(np.linalg.norm(body.extent(x)[0] - body.marker(body.origin).position(x)[0], axis=-1))
+    if far <= NO_LENGTH:
+        rows, columns, values = body.mass_entries()
+        u = np.array([body.moving(pose, unit) for unit in Twist.units(body.n_dim)])
+        twice = np.sum(u[:, rows - own.start] * values * u[:, columns - own.start], axis=1)
+        far = float(np.sqrt(magnitude(twice[body.n_dim :]) / (magnitude(twice[: body.n_dim]) or 1.0)))
+    return far
 
 
 def _by_spins(turns: Array) -> Matrix:

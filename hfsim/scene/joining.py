@@ -53,7 +53,7 @@ def linkage_of(
         a, b = (find_marker(point, frames, deck) for point in spec.between)
         pairs = (pair for held in spec.held(*facings.of(spec)) for pair in getattr(held, "senses", ()))
         senses.extend((f"joints.{name}", a, b, np.array(own), np.array(other)) for own, other in pairs)
-    return Linkage(constraints, n, deck.dimension, facings.centres, tuple(senses))
+    return Linkage(constraints, n, deck.dimension, facings.centres, tuple(senses), tuple(bodies.values()))
 
 
 def start_of(loaded: LoadedDeck, bodies: Mapping[str, Body]) -> tuple[Assembly, Facings]:

@@ -284,6 +284,31 @@ solve: {{duration: 1.0}}
     assert not build(parse_deck(text.replace("STATED", "position: [0.0, 0.0]"))).assembly.changes
 
 
+BAR = "{type: beam, material: steel, section: bar, length: '${s}', elements: 2}"
+LUMP = "{type: rigid, mass: '${s**3}', inertia: '${s**5}'}"
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e3])
+@pytest.mark.parametrize("body", [BAR, LUMP, LUMP.replace("'${s**5}'", "['${s**5}', '${s**5}', '${s**5}']")])
+def test_where_joints_are_at_origins_the_size_is_that_of_the_bodies(body, size):
+    """It was a metre: half of an arm of a millimetre was a guess, and of one of a micrometre hardly any mass turned."""
+    space = "[" in body
+    text = f"""hfsim: 1
+parameters: {{s: {size}, off: 0.0}}
+materials: {{steel: {{density: 7850.0, youngs_modulus: 2.1e11}}}}
+sections: {{bar: {{shape: circle, radius: "${{s / 50}}"}}}}
+bodies: {{arm: {body}}}
+joints: {{pin: {{type: revolute, between: [ground, arm]{", axis: [0, 0, 1]" if space else ""}}}}}
+initial: {{arm: {{position: ["${{off * s}}", 0{", 0" if space else ""}]}}}}
+solve: {{duration: 1.0}}
+"""
+    text = text.replace("ground, arm]", "ground, arm.root]") if body is BAR else text
+    built, guessed = (build(parse_deck(text.replace("off: 0.0", f"off: {off}"))) for off in (0.0, 0.045))
+    assert not built.warnings and len(guessed.assembly.changes) == 1
+    with pytest.raises(DeckError, match="contradict this joint by"):
+        build(parse_deck(text.replace("off: 0.0", "off: 0.055")))
+
+
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1.4, 1e3])
 @pytest.mark.parametrize("space", [False, True])
 @pytest.mark.parametrize("large", [False, True])
