@@ -39,11 +39,17 @@ class _Resisted:
     @property
     def others(self) -> tuple[Resistance, ...]:
         """What is stated besides the damping that is a number."""
-        single = [one.build() for one in (self.friction, self.latch) if one]
-        return (*self._tabled, *single, *(self.stops.build() if self.stops else ()))
+        return (*self.tabled, *self.undamped)
 
     @property
-    def _tabled(self) -> Iterator[Resistance]:
+    def undamped(self) -> tuple[Resistance, ...]:
+        """What is stated besides any damping."""
+        single = [one.build() for one in (self.friction, self.latch) if one]
+        return (*single, *(self.stops.build() if self.stops else ()))
+
+    @property
+    def tabled(self) -> Iterator[Resistance]:
+        """The damping that is a table."""
         if self.damping_table:
             from hfsim.mechanics.tabled import Curve, TableDamper
 

@@ -100,6 +100,15 @@ def test_work_of_what_winds_a_spring_hides_no_drift_of_energy():
     assert 1e-7 < run.statistics["energy_drift"] < 1e-3
 
 
+def test_damping_by_a_table_is_that_of_the_stretch_as_that_by_a_number_is():
+    """It was that of the distance."""
+    by_number, by_table = (
+        hfsim.run(parsed(RAIL.replace("damping: 9", damping)), error_estimate=False)
+        for damping in ("damping: 9", "damping_table: [[-1, -9], [0, 0], [1, 9]]")
+    )
+    np.testing.assert_allclose(by_table["rail.distance"], by_number["rail.distance"], atol=1e-8)
+
+
 @pytest.mark.parametrize("damping", [0.0, 2.0])
 def test_its_force_is_the_slope_of_its_energy_and_what_winds_it_feeds_that(damping):
     one = Wound(LinearSpring(30.0, damping, 0.0, 4.0), SineLaw(0.3, 2.0, 0.1, 1.0))

@@ -45,12 +45,13 @@ class CoordinateSpringSpec(SpringSpec):
 
     def from_rest(self, rest: float | Law) -> tuple[Resistance, ...]:
         """Return all that resists a coordinate that is without force at a value, or at one that moves."""
-        return (*self._springs(rest), *self.others)  # type: ignore[attr-defined]
+        own: Any = self  # resists as a joint does
+        if isinstance(rest, float):
+            return (*self._springs(rest), *own.others)
+        wound = LinearSpring(self.stiffness, self.damping, 0.0, self.preload), *own.tabled
+        return (*(Wound(one, rest) for one in wound), *own.undamped)
 
-    def _springs(self, rest: float | Law) -> Iterator[Resistance]:
-        if not isinstance(rest, float):
-            yield Wound(LinearSpring(self.stiffness, self.damping, 0.0, self.preload), rest)
-            return
+    def _springs(self, rest: float) -> Iterator[Resistance]:
         if self.table is not None:
             yield TableSpring.through(self.table, rest)
         if self.table is None or self.damping:
