@@ -1071,6 +1071,33 @@ solve: {duration: 1.0}
     assert found.status == "done" and not any("snaps" in warning for warning in found.statistics["warnings"])
 
 
+@pytest.mark.parametrize(
+    ("share", "y"), [pytest.param(0.97, -0.376437, marks=pytest.mark.slow), (1.1, -0.376609)]
+)
+def test_an_arch_under_a_slanted_push_snaps_to_the_rest_that_its_path_leads_to(share, y):
+    """What steps left in its stiff line hid that they led uphill: they went to and fro, by 1e5 J."""
+    deck = parse_deck(f"""hfsim: 1
+gravity: [0, -9.81]
+materials: {{al: {{density: 2700, youngs_modulus: 7.0e10}}}}
+sections: {{s: {{shape: rectangle, width: 0.03, height: 0.01}}}}
+bodies:
+  a:
+    {{type: beam, material: al, section: s, length: "${{pi / 3}}", elements: 4, degree: 3, element: cosserat,
+    axis: {{arc: {{radius: 1.0, angle: -60 deg}}}}, points: {{mid: ["${{pi / 6}}", 0]}}}}
+joints:
+  l: {{type: revolute, between: [ground, a.root]}}
+  r: {{type: revolute, between: [ground.r, a.tip]}}
+ground: {{points: {{r: ["${{sqrt(0.75)}}", -0.5]}}}}
+initial: {{a: {{angle: 0.0}}}}
+loads: {{push: {{type: force, at: a.mid, force: [{3000 * share}, {-5000 * share}]}}}}
+solve: {{duration: 1.0}}
+output: {{channels: [a.mid.x, a.mid.y]}}
+""")
+    found = hfsim.static(deck)
+    assert found.statistics["stable"] and found.statistics["steps"] < 60
+    assert found.final["a.mid.y"] == pytest.approx(y, abs=2e-6)
+
+
 WIRE = """hfsim: 1
 materials: {{steel: {{density: 7850.0, youngs_modulus: 2.1e11, poisson_ratio: 0.3}}}}
 sections: {{wire: {{shape: circle, diameter: {diameter}}}}}

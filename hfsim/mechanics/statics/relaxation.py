@@ -82,6 +82,7 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
         return state
     before, stiffest, short = np.inf, 0.0, True
     force, gap, K, J = _equations(problem, state, level)
+    foreseen = force
     while strides.tries < MOST:
         strides.tries += 1
         effort.iterations += 1
@@ -89,12 +90,12 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
         longest = LONG / stiffest if stiffest else np.inf
         try:
             solved = Tangent(K + metric / step, J).solver()
-            dz, change, ahead, uphill = _answer(strides, solved, force, gap)
+            dz, change, ahead, uphill = _answer(strides, solved, force, foreseen, gap)
         except np.linalg.LinAlgError:
             step *= 0.3
             continue
         if not ahead < MOVE or uphill:
-            step *= 0.25 if uphill or not ahead < 1e3 else max(0.1, 0.7 * MOVE / ahead)
+            step *= 0.1 if uphill or not ahead < 1e3 else max(0.1, 0.7 * MOVE / ahead)
             if step < SHORT * min(longest, 1e6):
                 raise NotFoundError("no way downhill is found", state)
             continue
@@ -136,6 +137,8 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
         step = min(longest, step * min(growth, NEARLY * MOVE / max(ahead, ENOUGH)))
         before = size
         force, gap, (K, J) = force_there, gap_there, problem.tangent(state, load)
+        strained = any(one is not None for one in state.expected or ())
+        foreseen = problem.foreseen(state, level) if strained else force
     raise NotFoundError(ENDLESS, state)
 
 
@@ -210,17 +213,24 @@ def _held(problem: Problem, state: State, level: Level, effort: Effort) -> State
     return found if found is not None and problem.moved(found.z - state.z) < SAME else None
 
 
-def _answer(strides: Strides, solved: Solver, force: Array, gap: Array) -> tuple[Array, Array, float, bool]:
+def _answer(
+    strides: Strides, solved: Solver, force: Array, foreseen: Array, gap: Array
+) -> tuple[Array, Array, float, bool]:
     """Return changes of state and multipliers, the size of what answers the forces, and whether it is uphill.
 
     That stays on what the joints allow: there the curvature counts, and it is smaller in a shorter step.
-    What closes the gaps is as large in all steps, and is done in parts where it is too large.
+    What closes the gaps is as large in all steps, and is done in parts where it is too large.  What the last
+    step has left in what is stiff is released downhill: that would hide that all else, which was foreseen, is
+    led uphill.
     """
-    both, changes = solved(np.concatenate([force, 0.0 * force]), np.concatenate([0.0 * gap, -gap]))
-    ahead, closing = strides.size(both[:1]), strides.size(both[1:])
-    uphill = ahead > SAME and float((force * both[:1]).sum()) < 0.0
-    parts = np.array([[1.0, MOVE / max(closing, MOVE)]])
-    return parts @ both, parts @ changes, ahead, uphill
+    forces, gaps = np.concatenate([force, 0.0 * force, foreseen]), np.zeros((3, gap.shape[1]))
+    gaps[1] = -gap
+    every, changes = solved(forces, gaps)
+    ahead, closing, awaited = (strides.size(one[None]) for one in every)
+    done = np.sum(forces * every, axis=1)
+    uphill = (ahead > SAME and done[0] < 0.0) or (awaited > SAME and done[2] < 0.0)
+    parts = np.array([[1.0, MOVE / max(closing, MOVE), 0.0]])
+    return parts @ every, parts @ changes, ahead, bool(uphill)
 
 
 def _equations(problem: Problem, state: State, level: Level) -> tuple[Array, Array, Matrix, Matrix]:
