@@ -26,7 +26,8 @@ from hfsim.studies.modes.state import About, ModesError, linearised, run_until
 OFTEN = 50.0
 """Swings in a period of a motion that is as fast as those which follow: runs would have to resolve it."""
 _APART = 3e-4
-"""How far a state is moved: lengths over the size of the scene, angles, slopes and directions over one."""
+"""How far a state is moved: lengths over the size of the scene, or a metre in larger ones, in which short
+things may move; angles, slopes and directions over one."""
 _WOUND = 1e-3
 """Part of the force of a spring or servo from which it is other after a period, as motions nearly close."""
 _SEEN = 8
@@ -130,7 +131,7 @@ class NextTo:
     @cached_property
     def steps(self) -> Array:
         """How far states are moved by each number, (2 r,): fast motions less, so that all are as quick."""
-        units = np.where(lengths_of(self.about.scene), self.about.size, 1.0)
+        units = np.where(lengths_of(self.about.scene), min(self.about.size, 1.0), 1.0)
         largest = (np.abs(self.displacements).T / units).max(axis=1) * self._rates * self.period
         return np.tile(_APART / largest, 2)
 
