@@ -101,6 +101,8 @@ class Linkage:
         Axes that are not to point in opposite ways, though the constraints would allow it.
     bodies : tuple of Body
         Whose frames these are.
+    far : float
+        Largest of the places and distances that are stated [m].
     """
 
     constraints: tuple[Constraint, ...]
@@ -109,6 +111,7 @@ class Linkage:
     centres: Array | None = None
     senses: tuple[Sense, ...] = ()
     bodies: tuple[Body, ...] = ()
+    far: float = 0.0
 
     def owner(self, marker: Marker) -> int | None:
         """Return the number of the body that a marker is on; None for the ground."""
@@ -148,11 +151,14 @@ class Linkage:
 
     @cached_property
     def size(self) -> float:
-        """Largest distance of a joint from the origin of what it is on [m]; of bodies, where all are none."""
+        """Largest distance of a joint from the origin of what it is on [m].
+
+        Where all are none, what bodies extend over, or how far apart they are stated to be.
+        """
         at_origin = np.zeros((1, self.n))
         marks = [marker.position(at_origin)[0] for c in self.constraints for marker in c.ends]
         size = max([float(np.linalg.norm(mark)) for mark in marks], default=0.0)
-        return size if size > NO_LENGTH else max(map(_reach, self.bodies), default=0.0) or 1.0
+        return size if size > NO_LENGTH else max((*map(_reach, self.bodies), self.far)) or 1.0
 
     @cached_property
     def units(self) -> Array:

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from hfsim.errors import DeckError
+from hfsim.maths.arrays import magnitude
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.constraints import Constraint, constraints_of
 from hfsim.scene.assembly import Assembly, Placed
@@ -53,7 +54,11 @@ def linkage_of(
         a, b = (find_marker(point, frames, deck) for point in spec.between)
         pairs = (pair for held in spec.held(*facings.of(spec)) for pair in getattr(held, "senses", ()))
         senses.extend((f"joints.{name}", a, b, np.array(own), np.array(other)) for own, other in pairs)
-    return Linkage(constraints, n, deck.dimension, facings.centres, tuple(senses), tuple(bodies.values()))
+    stated = (getattr(one, key, None) for one in deck.initial.values() for key in ("position", "distance"))
+    far = max((magnitude(np.array(one)) for one in stated if one is not None), default=0.0)
+    return Linkage(
+        constraints, n, deck.dimension, facings.centres, tuple(senses), tuple(bodies.values()), far
+    )
 
 
 def start_of(loaded: LoadedDeck, bodies: Mapping[str, Body]) -> tuple[Assembly, Facings]:
