@@ -113,6 +113,10 @@ class Released(Resistance):
         """Those of the resistance."""
         return self.inner.rate_edges
 
+    def past_edges(self, t: Array, s: Array, w: Array) -> Array:
+        """Return that of the resistance."""
+        return self.inner.past_edges(t, s, w)
+
     def standing(self) -> Released:
         """Return it with the resistance at rest."""
         return replace(self, inner=self.inner.standing())

@@ -61,6 +61,10 @@ class Resistance:
         """Values of w where it does."""
         return ()
 
+    def past_edges(self, t: Array, s: Array, w: Array) -> Array:
+        """Return by how much s and w are beyond these values, shape (n_batch, n_edges)."""
+        return np.concatenate([s[:, None] - self.edges, w[:, None] - self.rate_edges], axis=1)
+
     def beyond(self, s: float) -> float:
         """Return how far beyond a limit of its own the coordinate is; zero where there is none."""
         return 0.0
@@ -169,14 +173,14 @@ class Led(Resistance):
 
 @dataclass(frozen=True)
 class Wound(Led):
-    """A spring whose rest follows a law of time, as a winch moves it: by s - law and w - law'.
+    """A spring, or a damper, whose rest follows a law of time, as a winch moves it: by s - law and w - law'.
 
     It stores what it would if that stood; what moves it does work against its force.
 
     Attributes
     ----------
     spring : Resistance
-        One without force at zero, but for a preload.
+        One without force at rest at zero, but for a preload.
     """
 
     spring: Resistance
@@ -186,6 +190,20 @@ class Wound(Led):
     def uses_rates(self) -> bool:
         """Whether the spring does."""
         return self.spring.uses_rates
+
+    @property
+    def edges(self) -> tuple[float, ...]:
+        """Those of the spring, of s - law."""
+        return self.spring.edges
+
+    @property
+    def rate_edges(self) -> tuple[float, ...]:
+        """Those of the spring, of w - law'."""
+        return self.spring.rate_edges
+
+    def past_edges(self, t: Array, s: Array, w: Array) -> Array:
+        """Return that of the spring."""
+        return self.spring.past_edges(t, s - self.law.value(t), w - self.law.rate(t))
 
     def energy(self, t: Array, s: Array) -> Array:
         """Return that of the spring."""

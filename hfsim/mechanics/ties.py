@@ -102,23 +102,16 @@ class Tie(PointPart):
         """Those of all resistances."""
         return tuple(law for one in self.resistances for law in one.laws)
 
-    @cached_property
-    def _edges(self) -> tuple[Array, Array]:
-        """Values of the coordinate, and of its rate, where any resistance changes its form."""
-        at = [edge for one in self.resistances for edge in one.edges]
-        rates = [edge for one in self.resistances for edge in one.rate_edges]
-        return np.array(at), np.array(rates)
-
     @property
     def has_edges(self) -> bool:
-        """Whether any has such."""
-        return any(edges.size for edges in self._edges)
+        """Whether any resistance changes its form at a value of the coordinate or of its rate."""
+        return any(one.edges or one.rate_edges for one in self.resistances)
 
     def edges(self, t: Array, x: Array, u: Array) -> Array:
         """Return by how much coordinate and rate are beyond these values."""
-        (s, rows), (at, rates) = self.measured(t, x), self._edges
+        s, rows = self.measured(t, x)
         w = self._rate(rows, u)
-        return np.concatenate([s[:, None] - at, w[:, None] - rates], axis=1)
+        return np.concatenate([one.past_edges(t, s, w) for one in self.resistances], axis=1)
 
     def meets(self, x: Array) -> bool:
         """Tell whether the coordinate has no direction in one state."""

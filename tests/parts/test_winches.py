@@ -109,6 +109,19 @@ def test_damping_by_a_table_is_that_of_the_stretch_as_that_by_a_number_is():
     np.testing.assert_allclose(by_table["rail.distance"], by_number["rail.distance"], atol=1e-8)
 
 
+def test_steps_end_where_a_table_bends_also_where_a_winch_stands_still():
+    damping = "damping_table: [[-2, -60], [-0.1, -20], [0, 0], [0.1, 20], [2, 60]]"
+    still, law = (
+        build(parsed(RAIL.replace("damping: 9, preload: 4", damping).replace(LAW, rest)))
+        for rest in ("3.5", "{expression: '3.5 + 0*t'}")
+    )
+    t, x, u = np.zeros(3), np.repeat(still.system.absolute(still.q[None]), 3, axis=0), np.zeros((3, 3))
+    u[:, 0] = [-0.2, 0.05, 0.3]
+    one, other = (next(part for part in scene.system.forces if part.has_edges) for scene in (still, law))
+    assert one.edges(t, x, u).shape[1] >= 2
+    np.testing.assert_array_equal(one.edges(t, x, u), other.edges(t, x, u))
+
+
 @pytest.mark.parametrize("damping", [0.0, 2.0])
 def test_its_force_is_the_slope_of_its_energy_and_what_winds_it_feeds_that(damping):
     one = Wound(LinearSpring(30.0, damping, 0.0, 4.0), SineLaw(0.3, 2.0, 0.1, 1.0))
