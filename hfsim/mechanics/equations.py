@@ -169,6 +169,10 @@ class Equations:
         """Return the mass matrix in one state, sparse where matrices are, shape (n_x, n_x)."""
         return self.mass(x)[0] if self.variable_mass else self.constant_mass
 
+    def free_mass_at(self, x: Array) -> Matrix:
+        """Return that of the free coordinates, (n, n)."""
+        return self.reduction.reduced(self.mass_at(x)) if self.variable_mass else self.free_mass
+
     def momentum(self, x: Array, u: Array) -> Array:
         """Return M_g u, shape (n_batch, n_x); one state may serve all rates."""
         p = np.asarray(u @ self.constant_mass)

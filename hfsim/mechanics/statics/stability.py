@@ -157,7 +157,7 @@ def lowest(problem: Problem, state: State, load: float) -> tuple[Array, Array]:
     K, J = problem.tangent(here, load)
     K = _symmetric(K, bool(system.variable_mass))
     J = J[np.flatnonzero(np.asarray(abs(J).sum(axis=1)).ravel())]  # of the others nothing can move
-    M, precision, blur = system.reduction.reduced(system.equations.mass_at(problem.expand(here.z))), EPS, None
+    M, precision, blur = system.equations.free_mass_at(problem.expand(here.z)), EPS, None
     if system.variable_mass:
         precision = BY_DIFFERENCES
         if not _positive(M, J):  # far from straight there are models without a mass matrix
