@@ -121,12 +121,12 @@ def bench(
     _refuse_given({"--element": element, "--states": states}, "goes with --separation only")
     if deck is None:
         raise click.UsageError("Missing argument 'DECK' (or --separation)")
-    from hfsim.output.api import seeing
+    from hfsim.output.api import without_blind
     from hfsim.output.writers import Provenance
     from hfsim.simulate import check
     from hfsim.studies.bench import Sweep
 
-    seen = seeing(loader(deck, overrides, talk)(()), models, talk.note)
+    seen = without_blind(loader(deck, overrides, talk)(()), models, talk.note)
     loaded = seen.with_numbers(talk.note)
     check(loaded)
     with as_usage():

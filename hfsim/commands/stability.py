@@ -117,13 +117,13 @@ def stability(
     are far off, these references are checked by a second solution, or tightened. A failed
     point is a result (exit code 0). Results go to '<deck name>.stability' or to -o DIR.
     """  # fmt: skip
-    from hfsim.output.api import seeing
+    from hfsim.output.api import without_blind
     from hfsim.output.writers import Provenance
     from hfsim.studies.compare import usual_models
     from hfsim.studies.stability.asked import Asked
 
     started = time.perf_counter()
-    seen = seeing(load_decks([deck], overrides, talk)[0], names(models), talk.note)
+    seen = without_blind(load_decks([deck], overrides, talk)[0], names(models), talk.note)
     loaded = seen.with_numbers(talk.note)
     with as_usage():
         bounds = {"max_error": max_error, "max_drift": max_drift, "budget": budget, "limit": limit}

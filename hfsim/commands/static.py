@@ -76,10 +76,10 @@ def static(
     watch = Stopwatch(wall_start=STARTED)
     try:
         loaded = load_numbered(deck, overrides, talk)
-        from hfsim.output.api import seeing
+        from hfsim.output.api import without_blind
         from hfsim.studies.static import Wish
 
-        loaded = seeing(loaded, (loaded.deck.solve.model,), talk.note)
+        loaded = without_blind(loaded, (loaded.deck.solve.model,), talk.note)
         varied = names(vary) or None
         wish = Wish(at, path, count if buckling else 0, varied)
         code = _do(deck, loaded, to, overrides, wish, vtk, talk, watch)

@@ -152,7 +152,7 @@ class Run(Columns):
         return replace(self, t=t, channels=channels)
 
     @property
-    def seen(self) -> tuple[ndarray, dict[str, ndarray]] | None:
+    def outlined(self) -> tuple[ndarray, dict[str, ndarray]] | None:
         """When outlines were taken [s], (n_outlines,), and those of bodies that have any; None without."""
         outlines = {body: points for body, points in self.outlines.items() if points.size}
         return None if self.outline_t is None or not outlines else (self.outline_t, outlines)

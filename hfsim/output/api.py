@@ -27,10 +27,10 @@ from hfsim.output.arguments import (
     in_arguments,
     model_setting,
     no_deck,
-    often,
     real,
     settings,
     several,
+    timed,
 )
 from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.loading import LoadedDeck, load_deck, parse_deck
@@ -71,7 +71,9 @@ def load(deck: AnyDeck, changes: Mapping[str, Any] | None = None) -> LoadedDeck:
     return _load(deck, settings(changes))
 
 
-def seeing(loaded: LoadedDeck, models: Sequence[str], note: Callable[[str], None] = nobody) -> LoadedDeck:
+def without_blind(
+    loaded: LoadedDeck, models: Sequence[str], note: Callable[[str], None] = nobody
+) -> LoadedDeck:
     """Return a deck without channels that some models have not; say which."""
     from hfsim.studies.compare import without_blind_channels
 
@@ -81,7 +83,7 @@ def seeing(loaded: LoadedDeck, models: Sequence[str], note: Callable[[str], None
 
 def for_models(base: LoadedDeck, models: Sequence[str]) -> LoadedDeck:
     """Return a deck without channels that some models have not, and with numbers of elements."""
-    return seeing(base, models).with_numbers()
+    return without_blind(base, models).with_numbers()
 
 
 def readable(loaded: LoadedDeck, note: Callable[[str], None] = nobody) -> LoadedDeck:
@@ -91,7 +93,7 @@ def readable(loaded: LoadedDeck, note: Callable[[str], None] = nobody) -> Loaded
     """
     if not loaded.source.is_overridden(("solve", "model")):
         return loaded
-    return seeing(loaded, (loaded.deck.solve.model,), note)
+    return without_blind(loaded, (loaded.deck.solve.model,), note)
 
 
 def _load(deck: AnyDeck, overrides: Sequence[str]) -> LoadedDeck:
@@ -316,7 +318,7 @@ def compare(
     from hfsim.studies.farm import Here
 
     real(max_error=max_error)
-    often(repeats)
+    timed(repeats)
     flags(error_estimate=error_estimate)
     callback(progress=progress)
     if not 0.0 < max_error < math.inf:

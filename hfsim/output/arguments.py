@@ -133,7 +133,7 @@ def integral(**given: int | None) -> None:
             raise ArgumentError(f"{argument} is {value}: it is a whole number")
 
 
-def often(repeats: int) -> None:
+def timed(repeats: int) -> None:
     """Refuse what does not say how often something is timed."""
     integral(repeats=repeats)
     if repeats < 1:

@@ -15,10 +15,10 @@ from hfsim.output.arguments import (
     destination,
     finished,
     numbers,
-    often,
     positive,
     several,
     study_in,
+    timed,
     workers,
 )
 from hfsim.output.study import time_to_draw
@@ -99,7 +99,7 @@ def bench(
     start = time.process_time()
     positive(budget=budget)
     callback(progress=progress)
-    often(repeats)
+    timed(repeats)
     wanted = Sweep(
         several("methods", methods), several("models", models), numbers("tolerances", tolerances),
         numbers("steps", steps), numbers("elements", elements, int), numbers("degrees", degrees, int),
@@ -160,7 +160,7 @@ def separation(
     start = time.process_time()
     positive(budget=budget)
     callback(progress=progress)
-    often(repeats)
+    timed(repeats)
     counts, batches = numbers("elements", elements, int), numbers("states", states, int)
     kinds = known_kinds(several("element", element))
     study = study_in("bench", destination(output, force, plots), "separation")

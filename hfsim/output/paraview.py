@@ -45,9 +45,9 @@ def write_series(run: Run, stem: str, folder: Path) -> list[str]:
     list of str
         Names of the files, the list of them last; none where the run has no outlines.
     """
-    if run.seen is None:
+    if run.outlined is None:
         return []
-    instants, outlines = run.seen
+    instants, outlines = run.outlined
     frames = np.unique(np.linspace(0, len(instants) - 1, _MOST).round().astype(int))
     width = max(4, len(str(len(frames))))
     lines = _lines(outlines)

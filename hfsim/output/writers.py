@@ -51,9 +51,10 @@ _SUMMARY_KEYS = (
 )
 """Keys that every summary has, with null where the simulation does not know."""
 _LONGEST = 200
-"""Characters of two lists that are told whole."""
+"""Characters of two values that are told whole."""
 _TOLD = 20
 """Differences that are told."""
+_ABSENT = "not there"
 
 
 class Provenance(NamedTuple):
@@ -140,7 +141,7 @@ def differences(
     then, now = dict(_leaves(old)), dict(_leaves(new))
     for key in dict.fromkeys((*then, *now)):
         if then.get(key) != now.get(key) and key not in may_differ:
-            before, after = _short(then.get(key, "not there"), now.get(key, "not there"))
+            before, after = _short(then.get(key, _ABSENT), now.get(key, _ABSENT))
             yield f"  {key}: {before} then, {after} now"
 
 
@@ -168,11 +169,10 @@ def _short(old: Any, new: Any) -> tuple[str, str]:
             return f"{len(old)} entries", f"{len(new)} entries"
         k = next(k for k, (a, b) in enumerate(zip(old, new, strict=True)) if a != b)
         return f"entry {k} {old[k]}", f"{new[k]}"
-    return _plain(old), _plain(new)
-
-
-def _plain(value: Any) -> str:
-    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    texts = isinstance(old, str) and isinstance(new, str)
+    plain = (one if texts or one is _ABSENT else json.dumps(one, ensure_ascii=False) for one in (old, new))
+    then, now = (one if len(one) <= _LONGEST // 2 else f"{one[: _LONGEST // 2]}..." for one in plain)
+    return then, now
 
 
 def summary_of(run: Run, provenance: Provenance, files: Sequence[str]) -> dict[str, Any]:

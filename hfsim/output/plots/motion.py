@@ -42,9 +42,9 @@ def animate(run: Run, folder: Path) -> list[str]:
     list of str
         Its name; nothing where the run has no outlines.
     """
-    if run.seen is None:
+    if run.outlined is None:
         return []
-    times, outlines = run.seen
+    times, outlines = run.outlined
     tempo = Tempo.of(float(times[-1] - times[0]))
     count = min(len(times), max(2, round(tempo.lasts * _RATE)))
     wanted = np.linspace(times[0], times[-1], count)

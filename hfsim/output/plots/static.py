@@ -28,8 +28,8 @@ def draw_static(run: Run, folder: Path) -> list[str]:
     The run has the outlines of the start and of places of rest. Return the files.
     """
     figures: dict[str, Sheet | None] = {}
-    if run.seen and len(run.seen[0]) > 1:
-        outlines = run.seen[1]
+    if run.outlined and len(run.outlined[0]) > 1:
+        outlines = run.outlined[1]
         every = np.concatenate([points.reshape(-1, run.dimension) for points in outlines.values()])
         sheet, views = views_of(every)
         for pair, panel in views.items():

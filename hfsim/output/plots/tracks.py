@@ -97,9 +97,9 @@ def faded(own: str, shades: Array) -> Array:
 
 def shown_outlines(run: Run) -> tuple[Array, dict[str, Array]] | None:
     """Return times and outlines at those that a picture shows; None where there are none."""
-    if run.seen is None:
+    if run.outlined is None:
         return None
-    times, outlines = run.seen
+    times, outlines = run.outlined
     count = _SOLIDS if any(_solid(points[0]) for points in outlines.values()) else _SHAPES
     frames = apart(np.concatenate([*outlines.values()], axis=1), count)
     return times[frames], {body: points[frames] for body, points in outlines.items()}
