@@ -15,7 +15,7 @@ from hfsim.output.disk import History, WriteError, read_history, write_json
 from hfsim.output.extras import Extras
 from hfsim.output.recording import Recording, save_run
 from hfsim.output.runfolder import FolderError, RunLog, Stopwatch, claim, folder_name
-from hfsim.output.writers import Provenance, json_ready, table_text
+from hfsim.output.writers import Provenance, differences, json_ready, table_text
 
 RESOLVED = {"name": "case", "solve": {"duration": 1.0}}
 PROVENANCE = Provenance("case.yaml", "0" * 64, ("solve.model=exact",), RESOLVED)
@@ -288,3 +288,9 @@ def test_pictures_get_what_the_work_before_has_left_of_the_time(tmp_path, second
     told = [one for one in finished.statistics.get("warnings", ()) if "drawn until time was up" in one]
     assert bool(told) != some
     assert any(name.endswith(".png") for name in summary["files"]) == some
+
+
+def test_differences_are_told_in_brief_and_as_what_they_are():
+    told = list(differences({"a": "1,2" * 500, "b": "1", "c": [1]}, {"a": [1.5] * 500, "b": 1}))
+    assert all(len(line) < 250 for line in told)
+    assert told[1:] == ['  b: "1" then, 1 now', "  c: [1] then, not there now"]

@@ -309,6 +309,17 @@ solve: {{duration: 1.0}}
         build(parse_deck(text.replace("off: 0.0", "off: 0.055")))
 
 
+@pytest.mark.parametrize("inertia", [1e-2, 1e-10])
+def test_a_place_far_along_a_slide_may_be_as_far_off_it_as_that_is_far(inertia):
+    text = f"""hfsim: 1
+bodies: {{car: {{type: rigid, mass: 1, inertia: {inertia}}}}}
+joints: {{slide: {{type: prismatic, between: [ground, car], axis: [1, 1]}}}}
+initial: {{car: {{position: [7.07, 7.0705]}}}}
+solve: {{duration: 1.0}}
+"""
+    assert build(parse_deck(text)).assembly.changes
+
+
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1.4, 1e3])
 @pytest.mark.parametrize("space", [False, True])
 @pytest.mark.parametrize("large", [False, True])
