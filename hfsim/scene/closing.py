@@ -341,13 +341,12 @@ class Linkage:
 
 
 def _reach(body: Body) -> float:
-    """Return how far a body extends from its origin; its radius of gyration, if it has no points [m]."""
+    """Return how far points of a body are from its origin; its radius of gyration, if there is none [m]."""
     if body.still:
         return 0.0
-    x, pose, own = np.zeros((1, body.columns.stop)), Pose.level(np.zeros(body.n_dim)), body.columns
-    x[0, own] = body.placed(pose)
-    far = magnitude(np.linalg.norm(body.extent(x)[0] - body.marker(body.origin).position(x)[0], axis=-1))
+    far = max((float(np.linalg.norm(place)) for place in body.points.values()), default=0.0)
     if far <= NO_LENGTH:
+        pose, own = Pose.level(np.zeros(body.n_dim)), body.columns
         rows, columns, values = body.mass_entries()
         u = np.array([body.moving(pose, unit) for unit in Twist.units(body.n_dim)])
         twice = np.sum(u[:, rows - own.start] * values * u[:, columns - own.start], axis=1)

@@ -485,7 +485,7 @@ gravity: {gravity}
 ground: {{points: {{left: {left}, right: {right}}}}}
 materials: {{m: {{density: 1000.0, youngs_modulus: 1.0e+7, poisson_ratio: 0.3}}}}
 sections: {{s: {{shape: rectangle, width: 4.0e-4, height: 4.0e-4}}}}
-bodies: {{rope: {{type: beam, material: m, section: s, elements: 8, element: cosserat, {length}}}}}
+bodies: {{rope: {{type: beam, material: m, section: s, elements: 16, element: cosserat, {length}}}}}
 joints:
   one: {{type: {joint}, between: [ground.left, rope.root]}}
   other: {{type: {joint}, between: [ground.right, rope.tip]}}

@@ -95,7 +95,7 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
             step *= 0.3
             continue
         if not ahead < MOVE or uphill:
-            step *= 0.1 if uphill or not ahead < 1e3 else max(0.1, 0.7 * MOVE / ahead)
+            step *= 0.2 if uphill or not ahead < 1e3 else max(0.1, 0.7 * MOVE / ahead)
             if step < SHORT * min(longest, 1e6):
                 raise NotFoundError("no way downhill is found", state)
             continue
