@@ -7,7 +7,7 @@ forces [N or N m] and energies [J].  A force counts as positive where it drives 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
@@ -164,11 +164,11 @@ class Led(Resistance):
         """The law."""
         return (self.law,)
 
-    def standing(self: Any) -> Any:
+    def standing(self) -> Self:
         """Return it with its law standing still."""
         from hfsim.deck.laws import StandingLaw
 
-        return replace(self, law=StandingLaw(self.law))
+        return replace(self, law=StandingLaw(self.law))  # type: ignore[type-var]
 
 
 @dataclass(frozen=True)

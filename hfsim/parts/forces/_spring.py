@@ -29,6 +29,11 @@ class CoordinateSpringSpec(SpringSpec):
     preload: Any
     table: Any
 
+    if TYPE_CHECKING:  # as what resists in joints has them
+        others: Any
+        tabled: Any
+        undamped: Any
+
     def complaints(self) -> Iterator[Complaint]:
         """Yield a spring that says nothing of its force, or says it twice."""
         if not {*_FORCES, "table"} & self.model_fields_set:
@@ -45,11 +50,10 @@ class CoordinateSpringSpec(SpringSpec):
 
     def from_rest(self, rest: float | Law) -> tuple[Resistance, ...]:
         """Return all that resists a coordinate that is without force at a value, or at one that moves."""
-        own: Any = self  # resists as a joint does
         if isinstance(rest, float):
-            return (*self._springs(rest), *own.others)
-        wound = LinearSpring(self.stiffness, self.damping, 0.0, self.preload), *own.tabled
-        return (*(Wound(one, rest) for one in wound), *own.undamped)
+            return (*self._springs(rest), *self.others)
+        wound = LinearSpring(self.stiffness, self.damping, 0.0, self.preload), *self.tabled
+        return (*(Wound(one, rest) for one in wound), *self.undamped)
 
     def _springs(self, rest: float) -> Iterator[Resistance]:
         if self.table is not None:
