@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfsim.output.text import Column, plural, table, wrapped
+from hfsim.output.text import Column, digits_left, plural, table, wrapped
 
 if TYPE_CHECKING:
     from hfsim.studies.modes import Campbell, Mode, Modes
@@ -68,8 +68,7 @@ def _certain(value: float, off: float, most: int) -> str:
     >>> _certain(0.0913029, 1e-5, 7), _certain(0.0913029, 1e-9, 7), _certain(2.0, 3.0, 7)
     ('0.0913', '0.0913029', '2')
     """
-    digits = 1.0 + np.log10(abs(value) / off) if value and off else most
-    return f"{value:.{int(np.clip(digits, 1, most))}g}"
+    return f"{value:.{digits_left(value, off, 1, most)}g}"
 
 
 def _growth(mode: Mode) -> str:

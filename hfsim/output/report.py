@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,7 @@ from hfsim.errors import INTERRUPTIONS
 from hfsim.marching.rounding import LEAST, ROUNDING, sizes_of
 from hfsim.maths.kernel import MISSING
 from hfsim.output.talk import Talk, print_error
-from hfsim.output.text import Column, as_table, brief, number, plural, table, wrapped
+from hfsim.output.text import Column, as_table, brief, digits_left, number, plural, table, wrapped
 from hfsim.parts.channels import is_judged
 
 if TYPE_CHECKING:
@@ -342,11 +341,5 @@ def sensible(value: float, error: float | None) -> str:
     >>> sensible(1.23456789, 1e-4), sensible(1.23456789, None), sensible(1.23456789, 0.0), sensible(1.5, 9.0)
     ('1.23457', '1.23457', '1.23456789', '1.5')
     """
-    if error is None:
-        digits = _UNKNOWN_DIGITS
-    elif error == 0.0 or value == 0.0:
-        digits = _MOST_DIGITS
-    else:
-        sure = math.ceil(math.log10(abs(value)) - math.log10(error)) + 1
-        digits = min(max(sure, _LEAST_DIGITS), _MOST_DIGITS)
-    return f"{value:.{digits}g}"
+    beyond = 1 + digits_left(value, error or 0.0, _LEAST_DIGITS - 1, _MOST_DIGITS - 1)
+    return f"{value:.{_UNKNOWN_DIGITS if error is None else beyond}g}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -19,6 +20,20 @@ _NAME, _SENTENCE = 10, 30
 _LONG = 18
 """Characters from which a word is a long name."""
 _file = ContextVar("file", default=False)
+
+
+def digits_left(value: float, error: float, least: int, most: int) -> int:
+    """Return how many digits of a value an error leaves, so many at least and at most; these of zero, too.
+
+    Examples
+    --------
+    >>> digits_left(0.0913, 1e-5, 1, 7), digits_left(2.0, 3.0, 1, 7), digits_left(1.5, 0.0, 1, 7)
+    (4, 1, 7)
+    """
+    if not value or not error:
+        return most
+    left = math.ceil(math.log10(abs(value)) - math.log10(error)) if error < math.inf else least
+    return min(max(left, least), most)
 
 
 def line_width() -> int:
