@@ -553,6 +553,34 @@ def test_a_small_load_across_leads_away_from_a_dead_centre_as_its_warning_says(p
     assert 100.0 * (1.1 / np.hypot(1.0, y) - 1.0) * y == pytest.approx(-push, rel=1e-9)
 
 
+BOW = """
+hfsim: 1
+materials: {m: {density: 1000.0, youngs_modulus: 2.0e+11}}
+sections: {s: {shape: rectangle, width: 0.01, height: 0.01}}
+bodies: {bow: {type: beam, material: m, section: s, length: 1.0, elements: 12}}
+joints: {clamp: {type: fixed, between: [ground, bow.root]}}
+springs: {string: {type: two_point, between: [ground, bow.tip], stiffness: 1.0e+6, rest_length: 0.0}}
+loads: {push: {type: force, at: bow.tip, force: [0, 0.1]}}
+solve: {duration: 1.0}
+output: {channels: [string.force]}
+"""
+
+
+@pytest.mark.parametrize("stiffness", [1e5, 3e5])
+def test_a_bow_that_its_string_bends_rests_bent(stiffness):
+    """Straight it rests too, on an edge that forces which fade at the start lead to; no moment is at its ends."""
+    from scipy.optimize import brentq
+    from scipy.special import ellipe, ellipk
+
+    def force(m):
+        return (2.0 * ellipk(m)) ** 2 * 2.0e11 * 1e-8 / 12.0
+
+    m = brentq(lambda m: 2.0 * ellipe(m) / ellipk(m) - 1.0 - force(m) / stiffness, 0.1, 0.9)
+    run = run_static(parse_deck(BOW, overrides=[f"springs.string.stiffness={stiffness}"]))
+    assert run.statistics["stable"]
+    assert run.final["string.force"] == pytest.approx(-force(m), rel=5e-3)
+
+
 SOFTENING = """
 hfsim: 1
 materials: {m: {density: 1000.0, youngs_modulus: 2.0e+11}}

@@ -28,7 +28,7 @@ def begun(problem: Problem, effort: Effort) -> tuple[Problem, State]:
     """
     problem.begin()
     thrown = problem.thrown
-    share, state = stepped(problem, effort, _let_go)
+    share, state = stepped(problem, effort, let_go)
     try:
         values = lowest(problem, state, 0.0)[0] if share == 1.0 else np.zeros(1)
         loose, stable = bool((values == 0.0).any()), bool((values > 0.0).all())
@@ -39,12 +39,12 @@ def begun(problem: Problem, effort: Effort) -> tuple[Problem, State]:
         except NotFoundError:
             if loose:
                 raise
-        return problem, stepped(problem, effort, _let_go)[1]
+        return problem, stepped(problem, effort, let_go)[1]
     except np.linalg.LinAlgError as error:
         raise NotFoundError(str(error), state) from error
 
 
-def _let_go(share: float) -> Level:
+def let_go(share: float) -> Level:
     """Return the level without loads at which a share of what is out of balance at the start acts."""
     return Level(0.0, 1.0 - share)
 

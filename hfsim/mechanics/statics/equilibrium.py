@@ -10,7 +10,7 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.mechanics.reduction import Reduction
-from hfsim.mechanics.statics.beginning import begun
+from hfsim.mechanics.statics.beginning import begun, let_go
 from hfsim.mechanics.statics.newton import HOLD, Effort, NotFoundError, stepped
 from hfsim.mechanics.statics.problem import Level, Problem, State
 from hfsim.mechanics.statics.relaxation import relaxed
@@ -155,15 +155,22 @@ class Search:
         Held back by forces that fade, it is led uphill, to an edge from which ways downhill part.  Where no
         stable rest is found downhill, that is what there is.
         """
-        with self.problem.apart() as problem:
-            held = (lowest(problem, problem.begin(), 0.0)[0] >= 0.0).all()
-        if held:
+        at_start, at_rest = self._holds()
+        if at_start and at_rest:
             return found
-        below = Search(self.problem, self.rigid, self.effort)._downhill(self.problem.begin(), 0.0)
+        below = Search(self.problem, self.rigid, self.effort)._downhill(self.problem.begin(), 0.0, not at_start)
         if not below.reason and below.stable:
             return below
         stepped(self.problem, self.effort, signs=Signs(self.problem))  # turns are those on the way there
         return found
+
+    def _holds(self) -> tuple[bool, bool]:
+        """Return whether the scene holds without the loads at its start, and where it comes to from there."""
+        with self.problem.apart() as problem:
+            start = problem.begin()
+            rest = stepped(problem, Effort(), let_go)[1] if problem.thrown else start
+            at_start, at_rest = (bool((lowest(problem, one, 0.0)[0] >= 0.0).all()) for one in (start, rest))
+            return at_start, at_rest
 
     def _neutral(self, state: State, load: float) -> Array:
         return neutral(self.problem, state, load, self.rigid(self.problem.expand(state.z)))
@@ -173,8 +180,8 @@ class Search:
         free = self._neutral(state, 1.0)
         return free if are_pushed(self.problem, state, free) else free[:0]
 
-    def _downhill(self, begin: State, limit: float | None) -> Equilibrium:
-        """Return the place of rest that relaxation leads to."""
+    def _downhill(self, begin: State, limit: float | None, stays: bool = True) -> Equilibrium:
+        """Return the place of rest that relaxation leads to; next to its begin, if it stays, stable or not."""
         state = begin
         for _ in range(KICKS):
             try:
@@ -190,7 +197,7 @@ class Search:
             found = self._judged(state, True, limit)
             if found.stable or self.problem.turning is not None:
                 return found
-            if self.problem.moved(state.z - begin.z) < STAYED:
+            if stays and self.problem.moved(state.z - begin.z) < STAYED:
                 return found
             push = found.motions[:1]
             state = state._replace(z=state.z + push * (KICK / self.problem.moved(push)))
