@@ -158,7 +158,8 @@ class Search:
         at_start, at_rest = self._holds()
         if at_start and at_rest:
             return found
-        below = Search(self.problem, self.rigid, self.effort)._downhill(self.problem.begin(), 0.0, not at_start)
+        search = Search(self.problem, self.rigid, self.effort)
+        below = search._downhill(self.problem.begin(), 0.0, stays=not at_start)
         if not below.reason and below.stable:
             return below
         stepped(self.problem, self.effort, signs=Signs(self.problem))  # turns are those on the way there
@@ -181,7 +182,7 @@ class Search:
         return free if are_pushed(self.problem, state, free) else free[:0]
 
     def _downhill(self, begin: State, limit: float | None, stays: bool = True) -> Equilibrium:
-        """Return the place of rest that relaxation leads to; next to its begin, if it stays, stable or not."""
+        """Return the place of rest that relaxation leads to; if it stays, next to its begin stable or not."""
         state = begin
         for _ in range(KICKS):
             try:

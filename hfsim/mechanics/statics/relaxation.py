@@ -12,7 +12,8 @@ then steps get longer still, and each is solved for its end.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -72,74 +73,149 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
     NotFoundError
         If there is none, or it is not found.
     """
-    metric, level, strides = problem.metric, Level(load), Strides(problem)
-    touches = any(isinstance(one, Tie) and not one.holds_together for one in problem.system.forces)
-    place, first, stayed = state.z, np.inf, 0
-    step, multipliers = _first(problem, state, level, metric)
+    level = Level(load)
+    step, multipliers = _first(problem, state, level, problem.metric)
     if multipliers is not None:
         state = state._replace(multipliers=multipliers)
         problem.note(load, state)
         return state
-    before, stiffest, short = np.inf, 0.0, True
-    force, gap, K, J = _equations(problem, state, level)
-    foreseen = force
-    while strides.tries < MOST:
-        strides.tries += 1
-        effort.iterations += 1
-        stiffest = max(stiffest, float((np.abs(K.diagonal()) / metric.diagonal()).max(initial=0.0)))
-        longest = LONG / stiffest if stiffest else np.inf
-        try:
-            solved = Tangent(K + metric / step, J).solver()
-            dz, change, ahead, uphill = _answer(strides, solved, force, foreseen, gap)
-        except np.linalg.LinAlgError:
-            step *= 0.3
-            continue
-        if not ahead < MOVE or uphill:
-            step *= 0.2 if uphill or not ahead < 1e3 else max(0.1, 0.7 * MOVE / ahead)
-            if step < SHORT * min(longest, 1e6):
-                raise NotFoundError("no way downhill is found", state)
-            continue
-        size, done = problem.moved(dz), float((force * dz).sum())
-        there = State(state.z + dz, state.multipliers + change, problem.expecting(state, dz))
-        force_there, gap_there = problem.missing(there, level)
-        if touches and float((force_there * dz).sum()) < -BEYOND * done:  # it fell through what holds it
-            step *= 0.25
-            continue
-        if strides.doubtful(dz):
-            beside = problem.foreseen(there, level) - np.asarray(dz @ metric) / step
-            if not strides.suits(dz, solved, beside, gap + np.asarray(dz @ J.T) - gap_there):
-                step *= 0.25
+    return _Descent(problem, level, effort, state, step).rest()
+
+
+class _Taken(NamedTuple):
+    """A step downhill: its change, how large that and what answers the forces are, and the work of these."""
+
+    dz: Array
+    size: float
+    ahead: float
+    work: float
+
+
+@dataclass(eq=False)
+class _Descent:
+    """The way downhill from a state.
+
+    Attributes
+    ----------
+    problem : Problem
+    level : Level
+    effort : Effort
+    state : State
+        Where it has come to.
+    step : float
+        Length of the next step.
+    """
+
+    problem: Problem
+    level: Level
+    effort: Effort
+    state: State
+    step: float
+
+    def __post_init__(self) -> None:
+        self._strides, self._before, self._may_creep = Strides(self.problem), np.inf, True
+        forces = self.problem.system.forces
+        self._touches = any(isinstance(one, Tie) and not one.holds_together for one in forces)
+        self._place, self._first, self._stayed, self._stiffest = self.state.z, np.inf, 0, 0.0
+        self._missing = self.problem.missing(self.state, self.level)
+        self._look_ahead()
+
+    def rest(self) -> State:
+        """Return the place of rest to which it leads."""
+        while self._strides.tries < MOST:
+            self._strides.tries += 1
+            self.effort.iterations += 1
+            taken = self._taken()
+            if taken is None:
                 continue
-        state = there
-        problem.note(load, state)
-        effort.steps += 1
+            found = self._rest_next_to(taken.size) or self._rest_of_what_creeps(taken.size)
+            found = found or self._rest_where_it_stays(taken.size)
+            if found is not None:
+                return found
+            if self._strides.endless(self.state, taken.dz, taken.work):
+                raise NotFoundError(ON_AND_ON, self.state, taken.dz)
+            self._lengthen(taken)
+            self._look_ahead()
+        raise NotFoundError(ENDLESS, self.state)
+
+    @property
+    def _longest(self) -> float:
+        return LONG / self._stiffest if self._stiffest else np.inf
+
+    def _look_ahead(self) -> None:
+        """Take the derivatives where it has come to, and the forces that are foreseen there."""
+        self._slopes = K, _ = self.problem.tangent(self.state, self.level.load)
+        stiffest = (np.abs(K.diagonal()) / self.problem.metric.diagonal()).max(initial=0.0)
+        self._stiffest = max(self._stiffest, float(stiffest))
+        strained = any(one is not None for one in self.state.expected or ())
+        self._foreseen = self.problem.foreseen(self.state, self.level) if strained else self._missing[0]
+
+    def _taken(self) -> _Taken | None:
+        """Take a step, if it suits; else make the next one shorter."""
+        (force, gap), (K, J), metric = self._missing, self._slopes, self.problem.metric
+        try:
+            solved = Tangent(K + metric / self.step, J).solver()
+            dz, change, ahead, uphill = _answer(self._strides, solved, force, self._foreseen, gap)
+        except np.linalg.LinAlgError:
+            self.step *= 0.3
+            return None
+        if not ahead < MOVE or uphill:
+            self.step *= 0.2 if uphill or not ahead < 1e3 else max(0.1, 0.7 * MOVE / ahead)
+            if self.step < SHORT * min(self._longest, 1e6):
+                raise NotFoundError("no way downhill is found", self.state)
+            return None
+        problem, state, level, work = self.problem, self.state, self.level, float((force * dz).sum())
+        there = State(state.z + dz, state.multipliers + change, problem.expecting(state, dz))
+        missing = problem.missing(there, level)
+        suits = not self._touches or float((missing[0] * dz).sum()) >= -BEYOND * work  # else it fell through
+        if suits and self._strides.doubtful(dz):
+            beside = problem.foreseen(there, level) - np.asarray(dz @ metric) / self.step
+            suits = self._strides.suits(dz, solved, beside, gap + np.asarray(dz @ J.T) - missing[1])
+        if not suits:
+            self.step *= 0.25
+            return None
+        problem.note(level.load, there)
+        self.effort.steps += 1
+        self.state, self._missing = there, missing
+        return _Taken(dz, problem.moved(dz), ahead, work)
+
+    def _rest_next_to(self, size: float) -> State | None:
+        """Return the place of rest, if the last step has come to it."""
         if size < ENOUGH:
-            return state.by_itself()
-        if step >= longest and before < SAME and size > SHRINKING * before:
-            held = _held(problem, state, level, effort)
-            if held is not None or before < ROUGH:
-                return held or state.by_itself()
-        if short and step >= longest and before > size > max(SAME, STUCK * before):
-            short = size <= CLEARLY * _by_rounding(problem, state, level, Tangent(K + metric / step, J))
-            if not short:
-                state, rests = _crept(problem, state, level, step, effort, strides)
-                if rests:
-                    return state
-                force_there, gap_there = problem.missing(state, level)
-        stayed += 1
-        if step < longest or problem.moved(state.z - place) > SAME:
-            place, first, stayed = state.z, size, 0
-        if stayed >= STILL and size > 0.25 * first:
-            return state.by_itself()
-        if strides.endless(state, dz, done):
-            raise NotFoundError(ON_AND_ON, state, dz)
-        growth = 2.0 if size > 0.3 * before else min(100.0, 2.0 * before / size)
-        step = min(longest, step * min(growth, NEARLY * MOVE / max(ahead, ENOUGH)))
-        before = size
-        force, gap, (K, J) = force_there, gap_there, problem.tangent(state, load)
-        strained = any(one is not None for one in state.expected or ())
-        foreseen = problem.foreseen(state, level) if strained else force
-    raise NotFoundError(ENDLESS, state)
+            return self.state.by_itself()
+        if self.step >= self._longest and self._before < SAME and size > SHRINKING * self._before:
+            held = _held(self.problem, self.state, self.level, self.effort)
+            return held or (self.state.by_itself() if self._before < ROUGH else None)
+        return None
+
+    def _rest_of_what_creeps(self, size: float) -> State | None:
+        """Return the place of rest, if ever longer steps lead to it where the longest one leads nowhere."""
+        slow = self.step >= self._longest and self._before > size > max(SAME, STUCK * self._before)
+        if not (self._may_creep and slow):
+            return None
+        tangent = Tangent(self._slopes[0] + self.problem.metric / self.step, self._slopes[1])
+        self._may_creep = size <= CLEARLY * _by_rounding(self.problem, self.state, self.level, tangent)
+        if self._may_creep:
+            return None
+        way = self.problem, self.state, self.level, self.step, self.effort, self._strides
+        self.state, rests = _crept(*way)
+        self._missing = self.problem.missing(self.state, self.level)
+        return self.state if rests else None
+
+    def _rest_where_it_stays(self, size: float) -> State | None:
+        """Return the place of rest, if the longest steps stay at it and get no smaller."""
+        self._stayed += 1
+        if self.step < self._longest or self.problem.moved(self.state.z - self._place) > SAME:
+            self._place, self._first, self._stayed = self.state.z, size, 0
+        if self._stayed >= STILL and size > 0.25 * self._first:
+            return self.state.by_itself()
+        return None
+
+    def _lengthen(self, taken: _Taken) -> None:
+        """Make the next step longer, the more so the faster the last ones fade."""
+        growth = 2.0 if taken.size > 0.3 * self._before else min(100.0, 2.0 * self._before / taken.size)
+        self.step = min(self._longest, self.step * min(growth, NEARLY * MOVE / max(taken.ahead, ENOUGH)))
+        self._before = taken.size
 
 
 def _by_rounding(problem: Problem, state: State, level: Level, tangent: Tangent) -> float:
