@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -116,12 +116,7 @@ def run_static(loaded: LoadedDeck, wish: Wish = AT_THE_START) -> Run:
     UnknownLoadError
         If there is no such load.
     """
-    if not 0.0 <= wish.t < np.inf:
-        raise ArgumentError(f"at {wish.t:g} s nothing acts: time begins at 0 s")
-    if wish.buckling < 0:
-        raise ArgumentError(f"buckling is {wish.buckling}: as many critical factors cannot be sought")
-    if wish.varied and not (wish.path or wish.buckling):
-        raise ArgumentError("vary goes with path and buckling only: else all loads are put on")
+    _check(wish)
     clock = PhaseClock()
     with clock.phase("build"):
         if wish.t:
@@ -136,31 +131,19 @@ def run_static(loaded: LoadedDeck, wish: Wish = AT_THE_START) -> Run:
         if wish.buckling:
             facts |= _critical(scene, wish)
         samples = [_sampled(scene, wish, row) for row in rows]
-        columns = [compute_channels(one) for one in samples]
+        loads = np.array([row.load for row in rows])
+        channels = _channels(samples, loads if wish.path else None)
     facts = {**facts_of(scene, samples[-1], found), **facts}
-    again = {f"initial.{AT_REST}: {one}" for one in facts["warnings"]}
-    told = [*(one for one in told if one not in again), *facts["warnings"]]
-    told += [*out_of_range(scene, facts["validity"]), *doubtful_factors(scene, facts)]
-    facts["warnings"] = told
-    channels = [
-        one._replace(values=np.concatenate([c.values for c in every]))
-        for every, one in zip(zip(*columns, strict=True), columns[0], strict=True)
-    ]
-    loads = np.array([row.load for row in rows])
-    if wish.path:
-        channels.insert(0, Channel(LOAD, "", loads))
+    facts["warnings"] = _warnings(scene, told, facts)
     start = SceneSamples(scene, np.zeros(1), scene.q[None], np.zeros((1, scene.system.n)), {})
     seen = outlines_of([start, *samples])
-    failure = None if not found.reason else failure_of(scene, wish.t, found)
-    if wish.path and failure is not None and found.lost is None:
-        kind, other = ("numerical", "a smaller load") if len(rows) > 1 else ("physical", "leave out --path")
-        failure = SolverFailure(found.reason, wish.t, kind=kind, remedy=f"{other}, or --vary some loads only")
+    failure = _failure(scene, wish, found, len(rows))
     return Run(
         name=scene.deck.name,
         model=scene.model,
         method=METHOD,
         t=np.full(len(rows), wish.t),
-        channels=tuple(channels),
+        channels=channels,
         statistics={**facts, "cpu_s": clock.cpu, "wall_s": clock.wall},
         status="done" if failure is None else "failed",
         reason="" if failure is None else str(failure),
@@ -172,6 +155,42 @@ def run_static(loaded: LoadedDeck, wish: Wish = AT_THE_START) -> Run:
         snapshots=tuple(samples[-1].snapshots()) if failure is None else (),
         states=samples,
     )
+
+
+def _check(wish: Wish) -> None:
+    if not 0.0 <= wish.t < np.inf:
+        raise ArgumentError(f"at {wish.t:g} s nothing acts: time begins at 0 s")
+    if wish.buckling < 0:
+        raise ArgumentError(f"buckling is {wish.buckling}: as many critical factors cannot be sought")
+    if wish.varied and not (wish.path or wish.buckling):
+        raise ArgumentError("vary goes with path and buckling only: else all loads are put on")
+
+
+def _channels(samples: Sequence[StaticSamples], loads: Array | None) -> tuple[Channel, ...]:
+    """Return the channels of all rows as one; before them the loads of a path."""
+    columns = [compute_channels(one) for one in samples]
+    joined = tuple(
+        one._replace(values=np.concatenate([c.values for c in every]))
+        for every, one in zip(zip(*columns, strict=True), columns[0], strict=True)
+    )
+    return joined if loads is None else (Channel(LOAD, "", loads), *joined)
+
+
+def _warnings(scene: Scene, told: Sequence[str], facts: dict[str, Any]) -> list[str]:
+    """Return what is told of the start, but for what is told of the rest again, and then of the rest."""
+    again = {f"initial.{AT_REST}: {one}" for one in facts["warnings"]}
+    told = [*(one for one in told if one not in again), *facts["warnings"]]
+    return [*told, *out_of_range(scene, facts["validity"]), *doubtful_factors(scene, facts)]
+
+
+def _failure(scene: Scene, wish: Wish, found: Equilibrium, rows: int) -> SolverFailure | None:
+    """Return why there is no rest, or no path beyond so many rows; None if there is."""
+    if not found.reason:
+        return None
+    if wish.path and found.lost is None:
+        kind, other = ("numerical", "a smaller load") if rows > 1 else ("physical", "leave out --path")
+        return SolverFailure(found.reason, wish.t, kind=kind, remedy=f"{other}, or --vary some loads only")
+    return failure_of(scene, wish.t, found)
 
 
 class UnknownLoadError(HfsimError):
