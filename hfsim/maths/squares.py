@@ -44,8 +44,10 @@ class Unfound(np.linalg.LinAlgError):
     """An iteration does not converge, whatever the matrices are."""
 
 
-def slowest_squares(pencil: Pencil, count: int) -> tuple[ComplexArray, Array]:
+def slowest_squares(pencil: Pencil, count: int) -> tuple[ComplexArray, Array, bool | None]:
     """Return minus the squares of the slowest eigenvalues without velocities, and motions (n, k) as columns.
+
+    Last comes whether none slower is missing, None where that is not known.
 
     Those that are no more than rounding are zero.  Of a small pencil they are all.  Complex ones are of
     motions that swing and grow, or decay, as with loads that turn with their bodies.
@@ -61,12 +63,12 @@ def slowest_squares(pencil: Pencil, count: int) -> tuple[ComplexArray, Array]:
         If the pencil is singular.
     """
     if not pencil.free:
-        return np.zeros(0, dtype=complex), np.zeros((pencil.n, 0))
-    squares, vectors, _, shift = squares_of(pencil, count)
+        return np.zeros(0, dtype=complex), np.zeros((pencil.n, 0)), True
+    squares, vectors, complete, shift = squares_of(pencil, count)
     noise = noise_of(pencil, squares, vectors, shift)
     zero = no_more(np.abs(squares), noise)
     swinging = np.abs(squares.imag) > np.maximum(_FLUTTER * np.abs(squares), _DOUBTFUL * noise)
-    return np.where(swinging, squares, np.where(zero, 0.0, squares.real)), vectors.real
+    return np.where(swinging, squares, np.where(zero, 0.0, squares.real)), vectors.real, complete
 
 
 def noise_of(pencil: Pencil, squares: ComplexArray, vectors: ComplexArray, shift: float) -> Array:

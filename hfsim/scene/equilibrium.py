@@ -279,6 +279,8 @@ def doubts(scene: Assembled, found: Equilibrium, x: Array, t: float = 0.0) -> It
                 "a smaller load, or, unless it swings as it grows, a small load across, leads to one that is"
             )
         yield f"the equilibrium is not stable{since}: a small push grows e-fold in {time:.3g} s; {remedy}"
+    elif not found.complete:
+        yield "whether it is stable is not certain: of so many motions an unstable one may have been missed"
     elif found.crossed is not None:
         yield (
             f"from {found.crossed:.4g} of the loads on, places of rest on the way are not stable: "

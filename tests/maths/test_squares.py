@@ -5,6 +5,7 @@ import pytest
 from scipy.sparse import block_diag, csr_array, eye_array
 
 from hfsim.maths import squares
+from hfsim.maths.inertia import count_below
 from hfsim.maths.pencils import Pencil
 
 PAIR = np.array([[1.0, -1.0], [-1.0, 1.0]])
@@ -29,7 +30,7 @@ def graded(rng, zeros=160, levels=40):
 def test_motions_that_nothing_holds_are_no_motions_without_mass(loose):
     """More of them than are looked for: a shift that comes ever nearer to zero says nothing more."""
     parts = [1e6 * PAIR] * 150 + [np.zeros((1, 1))] * loose
-    found, _ = squares.slowest_squares(pencil_of(block_diag(parts)), 5)
+    found, _, _ = squares.slowest_squares(pencil_of(block_diag(parts)), 5)
     assert len(found) >= 5 and not found.any()
 
 
@@ -62,3 +63,23 @@ def test_what_grows_leaves_what_is_slow_in_place():
     found, _, complete, _ = squares.squares_of(pencil_of(np.diag(every)), 12)
     assert complete
     assert np.sort(found.real)[:55] == pytest.approx(np.sort(every)[:55], rel=1e-9)
+
+
+@pytest.mark.parametrize(("trusted", "complete"), [(0.1, True), (-1.0, None)])
+def test_it_is_told_where_slow_motions_cannot_be_counted(trusted, complete, monkeypatch):
+    monkeypatch.setattr("hfsim.maths.inertia._TRUSTED", trusted)
+    every = 1e3 * np.arange(-59.0, 241.0) + 500.0
+    found, _, told = squares.slowest_squares(pencil_of(np.diag(every)), 5)
+    assert told is complete
+    if complete:
+        assert len(found) >= 64
+        assert np.sort(found.real) == pytest.approx(every[: len(found)], rel=1e-9)
+
+
+@pytest.mark.parametrize(("off", "counted"), [(1e-12, True), (1e-15, False)])
+def test_signs_of_factors_are_believed_unless_their_error_may_have_changed_one(off, counted):
+    """Of a matrix with one eigenvalue that is as small as rounding none knows the sign."""
+    basis = np.linalg.qr(np.random.default_rng(2).standard_normal((300, 300)))[0]
+    every = np.concatenate([[-off], -np.linspace(1.0, 2.0, 30), np.linspace(1.0, 3.0, 269)])
+    found = count_below(pencil_of((basis * every) @ basis.T), 0.0)
+    assert found == (31 if counted else None)

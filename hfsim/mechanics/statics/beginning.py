@@ -70,5 +70,5 @@ def _let_down(problem: Problem, effort: Effort) -> tuple[Problem, State]:
 
 def _loose(problem: Problem, state: State, load: float) -> Array:
     """Return the motions that nothing resists, (k, n)."""
-    values, motions = lowest(problem, state, load)
+    values, motions, _ = lowest(problem, state, load)
     return np.asarray(motions[values == 0.0])

@@ -309,7 +309,7 @@ def _located(
     from scipy.optimize import brentq
 
     def smallest(load: float) -> tuple[float, Array]:
-        values, motions = lowest(problem, balanced(problem, state, Level(load), effort), load)
+        values, motions, _ = lowest(problem, balanced(problem, state, Level(load), effort), load)
         return float(values[number]), motions[number]
 
     try:

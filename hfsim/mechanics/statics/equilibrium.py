@@ -54,6 +54,8 @@ class Equilibrium:
         Share of the loads from which on there are places of rest on the way that are not stable.
     others : bool
         Whether loads that are put on from a rest without them are known to lead to another place of rest.
+    complete : bool or None
+        Whether no smaller stiffness is missing; None where that is not known.
     """
 
     state: State
@@ -68,6 +70,7 @@ class Equilibrium:
     lost: State | None = None
     crossed: float | None = None
     others: bool = False
+    complete: bool | None = True
 
     @property
     def stable(self) -> bool:
@@ -206,7 +209,7 @@ class Search:
 
     def _judged(self, state: State, relaxed_: bool, limit: float | None) -> Equilibrium:
         free = self._neutral(state, 1.0)
-        values, motions = self._signs.lowest(state, 1.0)
+        values, motions, complete = self._signs.lowest(state, 1.0)
         zero = values == 0.0
         if zero.sum() > len(free):  # bodies may turn in themselves too, as a bent round shaft about its axis
             free, values, motions = motions[zero], values[~zero], motions[~zero]
@@ -214,5 +217,6 @@ class Search:
             kept = np.sort(np.argsort(np.abs(values))[len(free) :])
             values, motions = values[kept], motions[kept]
         crossed = None if relaxed_ and limit is None else self._signs.crossed
-        return Equilibrium(state, 1.0, values, motions, free, relaxed_, limit, self.effort, crossed=crossed)
+        args = state, 1.0, values, motions, free, relaxed_, limit, self.effort
+        return Equilibrium(*args, crossed=crossed, complete=complete)
 

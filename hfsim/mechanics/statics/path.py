@@ -181,7 +181,7 @@ class Path:
         problem = self.problem if before is None else before.problem
         if problem.free is None:
             return problem, lowest(problem, state, load)[0]
-        values, motions = lowest(replace(problem, free=None), state, load)
+        values, motions, _ = lowest(replace(problem, free=None), state, load)
         loose = np.flatnonzero(values == 0.0)
         return replace(problem, free=motions[loose]), np.delete(values, loose[: len(problem.free)])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +26,23 @@ NEAREST = 6
 """Eigenvalues of a large scene that are looked at, at least: the smallest."""
 
 
+class Lowest(NamedTuple):
+    """The smallest stiffnesses over masses on allowed motions.
+
+    Attributes
+    ----------
+    values : ndarray, shape (k,)
+        [1/s^2], ascending.
+    motions : ndarray, shape (k, n)
+    complete : bool or None
+        Whether none smaller is missing; None where that is not known.
+    """
+
+    values: Array
+    motions: Array
+    complete: bool | None
+
+
 @dataclass(eq=False)
 class Signs:
     """How many motions are unstable along a path of the load.
@@ -41,9 +59,9 @@ class Signs:
 
     def __post_init__(self) -> None:
         self._before: int | None = None
-        self._seen: tuple[State, float, tuple[Array, Array]] | None = None
+        self._seen: tuple[State, float, Lowest] | None = None
 
-    def lowest(self, state: State, load: float) -> tuple[Array, Array]:
+    def lowest(self, state: State, load: float) -> Lowest:
         """Return what `lowest` does, once for each state."""
         if self._seen is None or self._seen[0] is not state or self._seen[1] != load:
             self._seen = state, load, lowest(self.problem, state, load)
@@ -142,16 +160,11 @@ def are_pushed(problem: Problem, state: State, motions: Array) -> bool:
     return bool((np.abs(motions @ force) > PUSHED * every * ways).any())
 
 
-def lowest(problem: Problem, state: State, load: float) -> tuple[Array, Array]:
-    """Return the smallest stiffnesses over masses on allowed motions [1/s^2], ascending, and their motions.
+def lowest(problem: Problem, state: State, load: float) -> Lowest:
+    """Return the smallest stiffnesses over masses on allowed motions.
 
     Those are squares of natural frequencies; a negative one is of a motion that grows by itself.  Of one that
     swings and grows, with what resists it, it is minus the square of the growth.
-
-    Returns
-    -------
-    values : ndarray, shape (k,)
-    motions : ndarray, shape (k, n)
     """
     here, system = state.by_itself(), problem.system
     K, J = problem.tangent(here, load)
@@ -168,9 +181,9 @@ def lowest(problem: Problem, state: State, load: float) -> tuple[Array, Array]:
         blur = blur + _rounding_of_joints(problem, here, load)
     pencil = Pencil(M, 0.0 * M, K, J, precision, 0.0, blur)
     resisting = None if is_symmetric(K, bool(system.variable_mass)) else _resistance(problem, here, load)
-    values, motions = _resisted(pencil, resisting)
+    values, motions, complete = _resisted(pencil, resisting)
     order = np.argsort(values)
-    return values[order], motions.T[order]
+    return Lowest(values[order], motions.T[order], complete)
 
 
 def _rounding_of_joints(problem: Problem, state: State, load: float) -> Matrix:
@@ -187,18 +200,20 @@ def _rounding_of_joints(problem: Problem, state: State, load: float) -> Matrix:
     return rounding_of_joints(system, x, state.multipliers, blurs)
 
 
-def _resisted(pencil: Pencil, resisting: Matrix | None) -> tuple[Array, Array]:
-    """Return values as `lowest` does, and motions (n, k), of what some matrix resists, if any does."""
-    squares, motions = slowest_squares(pencil, NEAREST)
+def _resisted(pencil: Pencil, resisting: Matrix | None) -> Lowest:
+    """Return what `lowest` does, in any order and with motions (n, k); some matrix may resist them."""
+    squares, motions, complete = slowest_squares(pencil, NEAREST)
     if resisting is None:
-        return np.where(squares.imag == 0.0, squares.real, -(np.sqrt(squares).imag ** 2)), motions
+        values = np.where(squares.imag == 0.0, squares.real, -(np.sqrt(squares).imag ** 2))
+        return Lowest(values, motions, complete)
     # it may end what swings and grows, and may let grow what would not
     found = eigenpairs(replace(pencil, velocity=resisting), NEAREST)
     kept = (squares.imag != 0.0) | (squares.real >= 0.0)
     grows = (found.values.imag >= 0.0) & (found.values.real > found.uncertainty)
     times = np.where(found.values.imag > 0.0, 2, 1)[grows]
     values = np.concatenate([np.abs(squares[kept]), np.repeat(-(found.values.real[grows] ** 2), times)])
-    return values, np.hstack([motions[:, kept], np.repeat(found.vectors.real[:, grows], times, axis=1)])
+    motions = np.hstack([motions[:, kept], np.repeat(found.vectors.real[:, grows], times, axis=1)])
+    return Lowest(values, motions, complete and found.complete)
 
 
 def _resistance(problem: Problem, state: State, load: float) -> Matrix | None:
