@@ -160,6 +160,7 @@ class TurnAbout(OfAxes):
         Where these are in B's frame at angle zero; on a line the first alone.
     """
 
+    wraps: ClassVar[bool] = True
     zero: Direction
     quarter: Direction
     others: tuple[Direction, ...]

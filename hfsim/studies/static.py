@@ -22,7 +22,6 @@ from hfsim.mechanics.statics.newton import Effort, NotFoundError
 from hfsim.mechanics.statics.path import Path
 from hfsim.mechanics.statics.problem import Problem, State
 from hfsim.parts.bodies.models import MODELS
-from hfsim.parts.joints.driver import DriverSpec
 from hfsim.scene.acting import undirected
 from hfsim.scene.build import Scene, build
 from hfsim.scene.equilibrium import (
@@ -324,7 +323,7 @@ def facts_of(scene: Scene, samples: StaticSamples, found: Equilibrium) -> dict[s
         "validity": watch_validity(scene, samples.t, samples.q, samples.v),
         "warnings": [
             *doubts(scene, found, samples.x, float(samples.t[-1])), *singular_rest(scene, samples, found),
-            *turned_drivers(scene, float(samples.t[-1])),
+            *turned_joints(scene, found, float(samples.t[-1])),
         ],
     }
 
@@ -357,15 +356,20 @@ def failure_of(scene: Scene, t: float, found: Equilibrium) -> SolverFailure:
     )
 
 
-def turned_drivers(scene: Scene, t: float) -> Iterator[str]:
-    """Yield drivers that have turned so far until a time [s] that full turns may be missing."""
-    for name, joint in scene.deck.joints.items():
-        if isinstance(joint, DriverSpec) and joint.angle is not None:
-            begin, end = joint.angle.build().value(np.array([0.0, t]))
+def turned_joints(scene: Scene, found: Equilibrium, t: float) -> Iterator[str]:
+    """Yield joints that laws have turned so far until a time [s] that full turns are missing.
+
+    They are where a scene was let down, and of redundant joints: else these were led along their laws.
+    """
+    led = not found.effort.descents and not any(c.driven for c in scene.system.redundant)
+    for name, joint in () if led else scene.deck.joints.items():
+        if law := dict(getattr(joint, "laws", ())).get(joint.led_angle):
+            begin, end = law.build().value(np.array([0.0, t]))
             if abs(end - begin) > np.pi:
                 yield (
                     f"joints.{name} has turned by {end - begin:.4g} rad since the start: full turns are not "
-                    "counted on the way, in angles and in what springs exert; let the driver start there"
+                    "counted on the way, in angles and in what springs and beams exert; "
+                    "let its law start there"
                 )
 
 

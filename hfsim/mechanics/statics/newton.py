@@ -24,7 +24,7 @@ MOST = 40
 FAR = 3.0
 """Size of a correction from which an iteration is given up [rad]."""
 MOVE = 0.4
-"""Largest change of a state in a step of the load [rad]."""
+"""Largest change of a state in a step of the load, and turn of a joint by its law [rad]."""
 ASIDE = 0.5
 """How far from where the tangent points a step of the load may end, relative to what that foretells ..."""
 NEXT_TO = 1e-3
@@ -52,10 +52,11 @@ class NotFoundError(Exception):
 
 @dataclass
 class Effort:
-    """What has been done: iterations (factorisations) and steps."""
+    """What has been done: iterations (factorisations), steps, and ways downhill (relaxations)."""
 
     iterations: int = 0
     steps: int = 0
+    descents: int = 0
 
 
 def correction(problem: Problem, state: State, level: Level) -> Correction:
@@ -127,6 +128,9 @@ def stepped(
     while share < 1.0 and step > SHORTEST:
         to = share + step if 1.0 - share - step > SHORTEST else 1.0
         step, level = to - share, levels(to)
+        if problem.turned(levels(share), level) > MOVE:
+            step *= 0.5
+            continue
         try:
             first = correction(problem, state, level)
             move = problem.moved(first[0])

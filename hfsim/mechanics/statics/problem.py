@@ -49,7 +49,8 @@ class Level(NamedTuple):
     load : float
         Factor of the loads that are varied.
     rest : float
-        Share of what is out of balance without them at the start that is held by auxiliary forces.
+        Share of what is out of balance without them at the start that is held by auxiliary forces, and of the
+        time until which joints have not been led by their laws yet.
     """
 
     load: float = 1.0
@@ -275,29 +276,42 @@ class Problem:
     @cached_property
     def _held(self) -> tuple[Array, Array]:
         """What is missing at the start without the loads; angles are to be counted from there when asked."""
-        return self._missing(self.start.z, self.start.multipliers, 0.0)
+        return self._missing(self.start.z, self.start.multipliers, Level(0.0, 1.0))
 
     def missing(self, state: State, level: Level) -> tuple[Array, Array]:
         """Return forces (1, n) that are out of balance, and gaps (1, n_rows) of the joints."""
         held, gap = self.held(level)
-        found, own = self._missing(state.z, state.multipliers, level.load)
+        found, own = self._missing(state.z, state.multipliers, level)
         return found - held, own - gap
 
     def foreseen(self, state: State, level: Level) -> Array:
         """Return the forces (1, n) that are missing in a state with its expected strains."""
         return replace(self, forces=self._with_strains(state.expected)).missing(state, level)[0]
 
-    def _missing(self, z: Array, multipliers: Array, load: float) -> tuple[Array, Array]:
+    def led(self, level: Level) -> Array:
+        """Return the time until which laws have led the joints, (1,) [s].
+
+        Redundant equations are of the end of that time: where laws are among them, all are.
+        """
+        return self.t if any(c.driven for c in self.system.redundant) else (1.0 - level.rest) * self.t
+
+    def turned(self, begin: Level, end: Level) -> float:
+        """Return by how much laws turn joints between two levels at most [rad], full turns among them."""
+        rows = [c for c in self.system.equations.phi.constraints if c.driven and c.wraps]
+        times = np.concatenate([self.led(begin), self.led(end)])
+        return max((float(abs(np.diff(c.target(times))[0])) for c in rows), default=0.0)
+
+    def _missing(self, z: Array, multipliers: Array, level: Level) -> tuple[Array, Array]:
         """Return both in states (n_batch, n), without auxiliary forces."""
         x, equations = self.expand(z), self.system.equations
-        force = self.system.reduction.free_force(self.force(x, load))
+        force = self.system.reduction.free_force(self.force(x, level.load))
         if not equations.n_rows:
             return force, np.zeros((len(z), 0))
         if len(z) == 1:
             pull = np.asarray(multipliers @ equations.phi.jacobian_at(x))
         else:
             pull = (multipliers[:, None] @ equations.phi.jacobians(x))[:, 0]
-        gap = equations.phi.residual(np.repeat(self.t, len(z)), x)
+        gap = equations.phi.residual(np.repeat(self.led(level), len(z)), x)
         return force - self.system.reduction.free_force(pull), gap
 
     # ------------------------------------------------------------------ derivatives

@@ -73,7 +73,7 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
     NotFoundError
         If there is none, or it is not found.
     """
-    level = Level(load)
+    level, effort.descents = Level(load), effort.descents + 1
     step, multipliers = _first(problem, state, level, problem.metric)
     if multipliers is not None:
         state = state._replace(multipliers=multipliers)
