@@ -8,8 +8,10 @@ from hfsim.maths.pencils import Pencil
 
 _SOFT = 1e-8
 """How much a constraint gives way, over what the stiffest coordinate does: pivots are never zero then."""
-_TRUSTED = 0.1
+_TRUSTED = 0.3
 """Norm of the inverse times the error of the factors up to which signs are believed: below 1 none is off."""
+_TIMES = 4
+"""How often that is measured."""
 
 
 def count_below(pencil: Pencil, bound: float) -> int | None:
@@ -48,8 +50,8 @@ def count_below(pencil: Pencil, bound: float) -> int | None:
         return None
     if not np.array_equal(factor.perm_r, factor.perm_c):
         return None
-    known = np.random.default_rng(0).standard_normal(whole.shape[0])
+    known = np.random.default_rng(0).standard_normal((whole.shape[0], _TIMES))
     # a matrix times numbers at random is as long as its Frobenius norm, which is no less than any other
-    if not np.linalg.norm(factor.solve(whole @ known) - known) <= _TRUSTED:
+    if not np.linalg.norm(factor.solve(whole @ known) - known) <= _TRUSTED * _TIMES**0.5:
         return None
     return int(np.count_nonzero(factor.U.diagonal() < 0.0)) - int(rows)

@@ -65,7 +65,7 @@ def test_what_grows_leaves_what_is_slow_in_place():
     assert np.sort(found.real)[:55] == pytest.approx(np.sort(every)[:55], rel=1e-9)
 
 
-@pytest.mark.parametrize(("trusted", "complete"), [(0.1, True), (-1.0, None)])
+@pytest.mark.parametrize(("trusted", "complete"), [(0.3, True), (-1.0, None)])
 def test_it_is_told_where_slow_motions_cannot_be_counted(trusted, complete, monkeypatch):
     monkeypatch.setattr("hfsim.maths.inertia._TRUSTED", trusted)
     every = 1e3 * np.arange(-59.0, 241.0) + 500.0
