@@ -264,6 +264,30 @@ def test_units(text, dimension, value):
     assert parse_quantity(text, dimension) == pytest.approx(value, rel=1e-15)
 
 
+WORDS = {
+    **dict.fromkeys(("m", "s", "N", "Pa", "Hz", "rad", "1"), 1.0),
+    **{"g": 1e-3, "t": 1e3, "l": 1e-3},
+    **{"min": 60.0, "h": 3600.0, "in": 0.0254, "ft": 0.3048, "deg": math.pi / 180, "rev": 2 * math.pi},
+    **{"%": 0.01, "°": math.pi / 180, "rpm": math.pi / 30, "g0": 9.80665},
+}
+PREFIXES = {"u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6, "G": 1e9}
+
+
+def product_of_words(unit):
+    """N*mm2 by newtons and millimetres."""
+    found = 1.0
+    for sign, word, power in re.findall(r"([*/]?)([a-zA-Z%°]+0?|1)(\d?)", unit):
+        value = WORDS[word] if word in WORDS else PREFIXES[word[0]] * WORDS[word[1:]]
+        found *= value ** (int(power or 1) * (-1 if sign == "/" else 1))
+    return found
+
+
+@pytest.mark.parametrize("dimension", UNITS)
+def test_units_are_the_products_of_their_words(dimension):
+    found = {unit: parse_quantity(f"1 {unit}", dimension) for unit in UNITS[dimension]}
+    assert found == pytest.approx({unit: product_of_words(unit) for unit in found}, rel=1e-14, abs=0.0)
+
+
 @pytest.mark.parametrize("text", ["12 kg", "12", "mm", "1 m m", "1,5 m", "nan m", "١ m", ""])
 def test_what_is_no_length(text):
     with pytest.raises(UnitError, match=r"must be a length \[m\]"):
