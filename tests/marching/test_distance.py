@@ -1,11 +1,15 @@
 """What distances between channels are divided by, and which channels count."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from hfsim.marching.distance import channel_errors, channel_scales, error_scales, gap
+from hfsim.marching.distance import channel_errors, channel_scales, error_scales, gap, reference_scales
 from hfsim.marching.solution import Channel
 from hfsim.parts.channels import is_judged
+from hfsim.scene.build import build
+from hfsim.scene.loading import parse_deck
 
 T = np.linspace(0.0, 1.0, 101)
 
@@ -59,6 +63,20 @@ def test_residuals_and_conserved_energies_do_not_count():
     assert scale_of(energy).judged and not scale_of(energy, conserved=True).judged
     huge = channel("constraint.position", size=1e9)
     assert scale_of(channel("tip.x", size=1e-3), huge).scale == pytest.approx(2e-3)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.1])
+def test_the_energy_of_a_reference_is_judged_where_something_takes_from_it(damping):
+    scene = build(
+        parse_deck(f"""hfsim: 1
+bodies: {{b: {{type: rigid, mass: 1.0, inertia: 0.1}}}}
+joints: {{j: {{type: revolute, between: [ground, b], damping: {damping}}}}}
+solve: {{duration: 1.0}}
+""")
+    )
+    samples = SimpleNamespace(scene=scene, x=scene.system.absolute(scene.q[None]))
+    (found,) = reference_scales(samples, [channel("energy.total", "J")])
+    assert found.judged is (damping > 0.0)
 
 
 def test_a_gap_is_the_largest_distance_and_its_root_mean_square():

@@ -11,6 +11,7 @@ from hfsim.commands.init import starters
 from hfsim.errors import LimitReached
 from hfsim.integrators import Segment, Trajectory, _loop
 from hfsim.marching.integration import run_integration
+from hfsim.marching.sampling import output_times
 from hfsim.maths.arrays import at_once
 from hfsim.mechanics.system import System
 from hfsim.parts.channels import CHANNELS
@@ -196,6 +197,12 @@ def test_the_last_state_is_written(interval, rows):
     done = run(loaded, None)
     assert done.t == pytest.approx(rows)
     assert done.end_time == 1.0
+
+
+def test_a_last_interval_that_rounding_ends_early_is_the_last_row():
+    assert 11 * 0.03 < 0.33
+    scene = build(load_deck(CASES / "pendulum.yaml", ["solve.duration=0.33", "output.interval=0.03"]))
+    assert output_times(scene) == pytest.approx(np.linspace(0.0, 0.33, 12))
 
 
 def test_rows_end_before_the_first_that_is_not_finite(monkeypatch):

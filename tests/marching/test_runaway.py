@@ -1,5 +1,6 @@
 """Watches end runs whose energy comes out of nothing; rounding at rest is no energy."""
 
+import numpy as np
 import pytest
 
 import hfsim
@@ -47,6 +48,16 @@ def test_energy_out_of_nothing_is_told_at_rest_too():
     rates[scene.bodies["b1"].columns.start] = 1e-3
     with pytest.raises(SolverFailure, match="feeds energy that nothing supplies"):
         watch(0.1, scene.q, rates)
+
+
+def test_energy_that_a_load_supplies_is_not_out_of_nothing():
+    """A body of 0.954 kg that 1 N pushes from rest, at 300 states: what has been supplied is m v^2 / 2."""
+    push = "loads: {push: {type: force, at: b1.root, force: [1, 0]}}"
+    scene, mass = build(parse_deck(FREE.replace("MODEL", "exact") + push)), 1000.0 * 0.03**2 * 1.06
+    watch, along = EnergyWatch(scene.system), np.zeros_like(scene.q)
+    along[scene.bodies["b1"].columns.start] = 1.0 / mass
+    for t in np.linspace(0.0, 3.0, 300):
+        watch(t, scene.q + 0.5 * t**2 * along, t * along)
 
 
 WOUND = """hfsim: 1

@@ -3,7 +3,7 @@
 import pytest
 
 from hfsim.marching.integration import run_integration
-from hfsim.marching.stop import SHIELD, Budget, TimeUp
+from hfsim.marching.stop import SHIELD, Budget, Shield, TimeUp
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 
@@ -67,3 +67,11 @@ def test_a_shield_holds_an_interruption_back_until_what_it_guards_is_whole(monke
     assert done == ["inner", "outer"]
     with pytest.raises(KeyboardInterrupt):
         SHIELD.interrupt(KeyboardInterrupt())
+
+
+def test_what_its_parent_shields_holds_nothing_back_in_a_process_forked_off():
+    forked = Shield()
+    forked.__enter__()
+    forked.take_over(1)
+    with pytest.raises(KeyboardInterrupt):
+        forked.interrupt(KeyboardInterrupt())
