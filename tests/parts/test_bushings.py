@@ -237,7 +237,7 @@ def bushing(first, second, stiffness=200.0, turning=2.0, **more):
         (bushing("ground.c", "b", 3e4, None), [0.3, 0.0], None),  # what holds place and turn comes first
         (bushing("ground.c", "b", 100.0), [0.8, 0.4], "link"),  # what is nearer to the ground
         (bushing("a", "b", 300.0, place=[0.1, 0.2]), [0.1, 0.2], "link"),  # what is stiffer
-        (bushing("a", "b", 100.0, place=[0.1, 0.2]), [0.3, 0.0], "last"),
+        (bushing("a", "b", 100.0, 3.0, place=[0.1, 0.2]), [0.3, 0.0], "last"),  # along, before about
         (bushing("ground.c", "b", place=[-0.5, -0.4]), [0.3, 0.0], None),  # both say the same
     ],
 )

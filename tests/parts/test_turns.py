@@ -14,6 +14,7 @@ from hfsim.mechanics.turns import TurnCount, Turning
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
+from hfsim.trust.handover import hand_memory
 
 HEAD = """
 hfsim: 1
@@ -263,6 +264,12 @@ def test_counts_look_back_to_any_earlier_time():
     assert len(count.noted) < 40
 
 
+def test_what_was_noted_of_later_times_is_of_no_motion_that_starts_before_them():
+    count, here = TurnCount([Turning(0.0, 0.0, 0.0), Turning(5.0, 20.0, 0.0)]), Turning(1.0, 1.0, 0.0)
+    count.start(here)
+    assert count.noted == [Turning(0.0, 0.0, 0.0), here]
+
+
 IN_SPACE = """
 hfsim: 1
 gravity: [0.0, 0.0, 0.0]
@@ -318,6 +325,16 @@ def test_turns_that_a_deck_states_in_space_count(deck, axis, energy):
     run = simulate(parse_deck(deck), error_estimate=False)
     assert (run.status, run["energy.total"][0]) == ("done", pytest.approx(energy, abs=1e-12))
     assert np.ptp(run["energy.total"]) <= 1e-8 * max(energy, 1.0)
+
+
+def test_what_takes_over_in_space_goes_on_in_the_same_turn():
+    """What it is built from may be at the same place less two turns."""
+    deck = (IN_SPACE % ("", "", SPRING % "0")).replace("AXIS", "[0, 0, 1]")
+    old, new = (build(parse_deck(f"{deck}initial: {{c: {{angle: {one} deg}}}}")) for one in (760, 40))
+    t, x, (spring,) = np.zeros(1), old.system.absolute(old.q[None]), new.system.forces
+    hand_memory(old.system, new.system, t, x)
+    (one,) = spring.angles
+    assert np.rad2deg(one.counter.counted(t, one.angle(x))) == pytest.approx([760.0])
 
 
 def placed(spatial, joints="", initial="", springs=""):
@@ -402,10 +419,18 @@ def test_turns_of_an_orientation_count_where_it_states_them(body, zero, angle):
     assert found["s"] == pytest.approx(angle, abs=1e-9)
 
 
-@pytest.mark.parametrize("zero", [(200, "angle"), (-300, "vector")])
-def test_turns_of_where_a_driver_is_zero_count(zero):
-    driver = f"d: {{type: driver, between: [ground, a], angle: 600 deg, orientation: {about_z(*zero)}}}"
-    assert placed(True, f"{HINGED}, {driver}")["h"] == pytest.approx(600 + zero[0], abs=1e-9)
+@pytest.mark.parametrize(
+    ("more", "angle"),
+    [
+        (f"orientation: {about_z(200, 'angle')}", 800),
+        (f"orientation: {about_z(-300, 'vector')}", 300),
+        ("axis: [0, 0, -1]", -600),
+    ],
+)
+def test_turns_that_a_driver_begins_with_count_from_its_zero_and_about_its_axis(more, angle):
+    driver = f"d: {{type: driver, between: [ground, a], angle: 600 deg, {more}}}"
+    found = placed(True, f"{HINGED}, {driver}")
+    assert (found["h"], found["k0"]) == pytest.approx((angle, angle), abs=1e-9)
 
 
 def test_turns_stated_of_a_joint_count_from_a_tilted_orientation():

@@ -6,9 +6,9 @@ from natively import native, runs_alike
 from solved import parsed
 
 import hfsim
-from hfsim.deck.laws import SineLaw
+from hfsim.deck.laws import LinearLaw, SineLaw
 from hfsim.errors import DeckError
-from hfsim.mechanics.resistances import LinearSpring, Wound
+from hfsim.mechanics.resistances import LinearSpring, Stop, Wound
 from hfsim.scene.build import build
 
 LAW = "{type: smooth_step, from: 5, to: 3, start: 0.5, end: 2.5}"
@@ -109,17 +109,26 @@ def test_damping_by_a_table_is_that_of_the_stretch_as_that_by_a_number_is():
     np.testing.assert_allclose(by_table["rail.distance"], by_number["rail.distance"], atol=1e-8)
 
 
-def test_steps_end_where_a_table_bends_also_where_a_winch_stands_still():
+@pytest.mark.parametrize("rate", [0.0, 0.5])
+def test_steps_end_where_a_table_bends_by_the_rate_of_the_stretch(rate):
+    """At half a second a length that is wound has that of one which stands."""
     damping = "damping_table: [[-2, -60], [-0.1, -20], [0, 0], [0.1, 20], [2, 60]]"
     still, law = (
         build(parsed(RAIL.replace("damping: 9, preload: 4", damping).replace(LAW, rest)))
-        for rest in ("3.5", "{expression: '3.5 + 0*t'}")
+        for rest in ("3.5", f"{{expression: '3.5 + {rate}*(t - 0.5)'}}")
     )
-    t, x, u = np.zeros(3), np.repeat(still.system.absolute(still.q[None]), 3, axis=0), np.zeros((3, 3))
-    u[:, 0] = [-0.2, 0.05, 0.3]
+    t, x, u = np.full(3, 0.5), np.repeat(still.system.absolute(still.q[None]), 3, axis=0), np.zeros((3, 3))
+    u[:, 0] = [-0.25, 0.0625, 0.375]
+    moving = u + np.array([rate, 0.0, 0.0])
     one, other = (next(part for part in scene.system.forces if part.has_edges) for scene in (still, law))
     assert one.edges(t, x, u).shape[1] >= 2
-    np.testing.assert_array_equal(one.edges(t, x, u), other.edges(t, x, u))
+    np.testing.assert_array_equal(other.edges(t, x, moving), one.edges(t, x, u))
+
+
+def test_edges_of_what_is_wound_go_along_with_its_length():
+    stop, t, w = Stop(0.3, 1.0, 1.0, 0.0, 0.01), np.array([0.0, 1.0, 2.0]), np.zeros(3)
+    found = Wound(stop, LinearLaw(1.0, 0.5)).past_edges(t, 1.3 + 0.5 * t, w)
+    np.testing.assert_allclose(found, [[0.0, -0.01]] * 3, rtol=0, atol=1e-15)
 
 
 @pytest.mark.parametrize("damping", [0.0, 2.0])
