@@ -153,6 +153,7 @@ LAWS = {
     "sine": ("{type: sine, amplitude: 0.5, frequency: 1, offset: 0.3, phase: 0.4}", 0.3),
     "step": ("{type: smooth_step, from: 0.2, to: 1, start: 0, end: 1}", 0.2),
     "table": ("{times: [0, 0.5, 1], values: [0.2, 0.7, -0.3], interpolation: cubic}", 0.2),
+    "periodic": ("{times: [0, 0.3, 0.6], values: [0.2, 0.7, 0.2], periodic: true}", 0.2),
     "expression": ('{expression: "0.3*sin(2*t) + t**2"}', 0.0),
 }
 

@@ -130,6 +130,7 @@ def test_errors_in_time_beyond_the_bound_decide_nothing():
     assert "of no other model it is sure that it stays within 1 %" in comparison.sentence
     text = as_text(comparison, Path("out"))
     assert "linear is not decided: errors in time, 45 % in b1.tip.x, are beyond the bound" in text
+    assert compare(runs, "exact", 0.01, in_time(linear=0.9, exact=0.9)).result("exact").adequate
 
 
 # --- which channels decide -----------------------------------------------------------------------

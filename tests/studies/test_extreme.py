@@ -55,6 +55,11 @@ def test_what_counts_as_missed(case, words):
     assert bool(case.misses) == bool(words)
 
 
+@pytest.mark.parametrize(("error", "bound"), [(1e-3, 1e-3), (0.5, 1e-2), (None, 1e-2)])
+def test_a_reference_is_told_from_no_more_than_the_usual_error(error, bound):
+    assert Expectation("x", "accurate", error=error).bounds.error == bound
+
+
 def test_a_deck_is_not_missed_because_its_reference_is_off():
     """The same bound is told from a reference that is far off, and from one that is known better."""
     job = Job(WHIP, "whip.yaml", (), "exact", 20.0, tolerance=1e-8)

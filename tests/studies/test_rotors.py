@@ -509,6 +509,7 @@ def test_crossings_are_where_a_mode_is_excited():
     text = "\n".join(line for line in overhung.splitlines() if "right" not in line)
     deck = parse_deck(text.replace("length: 0.4", "length: 0.5"))
     found = hfsim.campbell(deck, [0.0, 50.0, 100.0], count=5)
+    assert found.crossings
     for one in found.crossings:
         assert 2.0 * np.pi * one.frequency == pytest.approx(one.order * one.rate, abs=1e-2 * one.rate)
 

@@ -207,6 +207,11 @@ def test_models_and_methods_are_rows_and_no_axes():
         hfsim.stability(WHEEL, {"solve.method": ["gauss", "radau"]})
 
 
+def test_settings_of_the_solver_but_for_the_duration_are_no_matter_of_the_scene():
+    found = [vary(f"solve.{key}=1,2").solver_only for key in ("step", "tolerance", "duration")]
+    assert found == [True, True, False]
+
+
 def test_an_axis_that_changes_nothing_is_refused():
     loaded = parse_deck(WHEEL)
     with pytest.raises(AxisError, match="speed"):
@@ -569,6 +574,7 @@ def test_the_end_of_a_class_is_located():
 def test_the_end_of_another_class_is_located():
     axis = NAMED["step"]("1,3,5,50")
     result = mapped(parse_deck(WHEEL), plan(axis, methods=("explicit",)), bisect=0.05, ending="wrong")
+    assert result.boundaries
     for end in result.boundaries:
         assert (end.class_below == "wrong") != (end.class_above == "wrong")
 

@@ -29,6 +29,7 @@ from hfsim.studies.farm import _without_script
 from hfsim.studies.sweep import plan as plans
 from hfsim.studies.sweep.effects import main_effects
 from hfsim.studies.sweep.result import Sweep
+from hfsim.studies.sweep.sensitivity import Differences, _sensitivity
 
 STIFF = "springs.coil.stiffness"
 
@@ -217,6 +218,7 @@ def test_a_failed_run_is_a_row(wheel):
     assert told.exit_code == 0, told.output
     assert [row["status"] for row in rows_of("wheel.sweep")] == ["limit", "done", "refused", "refused"]
     assert "bodies.hub.mass=-1 is refused" in told.stderr
+    assert "  run 1: limit" in told.stdout and "  run 3 and 1 more: refused" in told.stdout
     facts = json.loads((wheel / "wheel.sweep/sweep.json").read_text())
     assert facts["counts"] == {"limit": 1, "done": 1, "refused": 2} and facts["status"] == "done"
 
@@ -277,6 +279,17 @@ def test_main_effects_of_a_sum_over_a_grid_are_the_variances_of_its_parts(x, v, 
     columns = {"x": rows[:, 0], "v": rows[:, 1], "sum": rows.sum(axis=1)}
     effects = main_effects(Sweep("sum", "done", plan, columns, ("sum",)))
     assert effects["sum"] == pytest.approx({"x": share, "v": 1.0 - share}, abs=1e-9)
+
+
+def test_a_grid_with_a_hole_is_none_of_main_effects():
+    """What as many groups at random would explain is taken off: 7/5 of what the means leave, 3/5 of all."""
+    plan = plans.grid({"x": "0, 1, 2", "v": "0, 1, 2"})
+    rows = np.array([plan.row(k) for k in range(plan.count)])
+    total = rows.sum(axis=1)
+    total[0] = np.nan
+    columns = {"x": rows[:, 0], "v": rows[:, 1], "sum": total}
+    effects = main_effects(Sweep("sum", "done", plan, columns, ("sum",)))
+    assert effects["sum"] == pytest.approx({"x": 0.16, "v": 0.16})
 
 
 QUICK = ("--no-plots", "--jobs", 1)
@@ -505,6 +518,13 @@ def test_a_derivative_at_a_limit_of_an_entry_is_of_one_side(wheel):
     t = 0.5  # of exp(-c t / 2) sin(w t) / w, whose w changes with the square of c
     assert found.derivative == pytest.approx(-0.5 * c * t * np.sin(rate * t) / rate, rel=1e-4)
     assert found.side == "up" and found.sure and found.elasticity is None
+
+
+def test_a_derivative_at_an_upper_limit_is_that_from_below():
+    """2 + 3 (p - 1), which is nothing above p = 1."""
+    made = Differences({"p": 1.0}, {"p": 0.1}, (0.0,))
+    found = _sensitivity([2.0, np.nan, 1.7, np.nan, 1.85], 0, "q", "p", 0.0, made)
+    assert (found.side, found.derivative) == ("down", pytest.approx(3.0))
 
 
 @pytest.mark.parametrize(
