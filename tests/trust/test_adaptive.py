@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from hfsim.scene.gauging import rigid_motions
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
 from hfsim.trust import handover
+from hfsim.trust.adaptive import Adaptive
 from hfsim.trust.handover import hand_over
 from hfsim.trust.quasistatic import deformation_of
 
@@ -131,6 +133,15 @@ def test_a_beam_moves_up_before_the_error_is_there():
         assert bend[0] < 2.0 * bend[1] + 1e-5
     assert run.statistics["error_estimate"] < 1e-3
     assert run.outlines["b1"].shape[0] == len(run.t)
+
+
+@pytest.mark.parametrize(("now", "model"), [(0.0, "exact"), (5.0, "linear")])
+def test_what_a_forecast_says_of_times_gone_by_keeps_no_beam_from_a_model(now, model):
+    run, times = Adaptive.__new__(Adaptive), np.linspace(0.0, 10.0, 11)
+    run.loaded = SimpleNamespace(deck=SimpleNamespace(solve=SimpleNamespace(duration=10.0)))
+    run.chosen, run.bound = {"b": "rigid"}, 1e-3
+    run.forecast = {"b": {"linear": (times, np.where(times == 1.0, 1.0, 0.0))}}
+    assert run._next_model("b", now) == model
 
 
 def test_stiff_beams_stay_rigid_and_soft_ones_start_exact():

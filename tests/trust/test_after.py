@@ -85,6 +85,8 @@ def test_the_time_error_is_measured_by_finer_steps_or_bounded_by_coarser_ones(se
     run = compared(pendulum("solve.duration=0.5", *settings))
     found = time_error(run, plenty() if enough else plenty(1.0), 1.0)
     effectivity = found.error / true_error(run, exact_motion())
+    (worst,) = (one for one in run.channels if one.name == found.channel)
+    assert found.each[found.channel] == pytest.approx(found.error * np.ptp(worst.values), rel=0.1)
     # of an order as high as that of gear, coarser steps lose more than is taken for granted
     assert 0.3 < effectivity < (3.0 if enough else 20.0)
 

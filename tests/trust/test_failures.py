@@ -29,7 +29,7 @@ from hfsim.maths.rotations import rotation
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
-from hfsim.trust import diagnosis
+from hfsim.trust import diagnosis, suspicion
 from hfsim.trust.experiments import joint_dependence
 from hfsim.trust.growth import amplitude_of, loaded_items
 from hfsim.trust.suspicion import singular_position
@@ -367,6 +367,14 @@ def test_a_model_that_left_its_range_is_a_suspicion():
     assert (run.status, doubt["class"], doubt["item"]) == ("done", "model", "bodies.b1")
     assert doubt["time"] == run.statistics["validity"]["b1"]["left_at"]
     assert any("left the range of linear" in warning for warning in run.statistics["warnings"])
+
+
+def test_of_models_that_left_their_range_the_first_is_told(monkeypatch):
+    monkeypatch.setattr(suspicion, "command_exact", lambda *given, **named: "")
+    trial = SimpleNamespace(scene=SimpleNamespace(models={"a": "linear", "b": "linear"}))
+    left = {name: {"left_at": t, "reason": "bent", "largest": {}} for name, t in (("a", 2.0), ("b", 1.0))}
+    found = suspicion._left_range(trial, left)
+    assert (found.item, found.time) == ("bodies.b", 1.0)
 
 
 def test_a_run_that_is_only_too_long_is_no_matter_of_its_mechanism():

@@ -35,6 +35,12 @@ def test_a_vibration_that_no_output_shows_is_named():
     assert "503 Hz" in words and "solve.tolerance=0.0001" in words and "bodies.fast" in words
 
 
+def test_without_output_of_motions_the_change_is_that_of_what_there_is():
+    rate = parse_deck(HUMMING, "deck", ["output.channels=[slow.vx]"])
+    found = simulate(rate, error_estimate=False, diagnosis=True).statistics["ringing"]
+    assert found["channel"] == "slow.vx"
+
+
 def test_a_vibration_that_an_output_shows_is_not():
     shown = ["output.channels=[fast.x]", "springs.hard.rest_length=0.45", "solve.duration=0.4"]
     deck = parse_deck(HUMMING, "deck", shown)
