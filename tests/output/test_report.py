@@ -2,12 +2,13 @@
 
 import json
 
+import numpy as np
 import pytest
 from called import call
 
 import hfsim
 from hfsim.marching.solution import Channel
-from hfsim.output.report import error_of
+from hfsim.output.report import _last, error_of
 
 
 @pytest.mark.parametrize(
@@ -38,3 +39,8 @@ def test_digits_follow_the_error_of_the_channel_itself():
     reach = float(x.values.max() - x.values.min())
     assert [error_of(one, known) for one in (x, y, other)] == [1e-6, 1e-3, 0.5 * reach]
     assert error_of(x, {"error_estimate": None, "mesh_error_estimate": None}) is None
+
+
+@pytest.mark.parametrize(("name", "told"), [("b.x", "0"), ("constraint.position", "1e-15")])
+def test_rounding_is_told_as_zero_but_not_of_a_residual(name, told):
+    assert _last(Channel(name, "m", np.array([1e-15])), 1.0, None) == told

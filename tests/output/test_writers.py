@@ -107,9 +107,9 @@ def test_non_finite_numbers_in_json_become_null_and_are_named():
     assert bad == ["a", "b.0", "c.1"]
 
 
-def test_table_leaves_unknown_cells_empty_and_quotes_commas():
-    rows = [{"a": 1.5, "b": None, "c": 'x, "y"'}, {"a": math.nan, "b": True}]
-    assert table_text(rows, ("a", "b", "c")) == 'a,b,c\n1.5,,"x, ""y"""\n,True,\n'
+def test_table_leaves_unknown_cells_empty_and_quotes_commas_and_ends_of_lines():
+    rows = [{"a": 1.5, "b": None, "c": 'x, "y"'}, {"a": math.nan, "b": True}, {"a": 1, "c": "x\ny"}]
+    assert table_text(rows, ("a", "b", "c")) == 'a,b,c\n1.5,,"x, ""y"""\n,True,\n1,,"x\ny"\n'
 
 
 def test_run_folder_has_all_files_and_the_documented_keys(tmp_path):
