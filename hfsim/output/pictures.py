@@ -21,7 +21,7 @@ _TOLD = 10
 
 
 def put_pictures(
-    draw: Callable[[Path], Iterable[str]], folder: Path, kind: str = FORMATS[0]
+    draw: Callable[[Path], Iterable[str]], folder: Path, kind: str = FORMATS[0], told_in: str = ""
 ) -> list[str]:
     """Draw pictures of a format aside and put them into ``plots`` of a folder; as `put_files`."""
     import logging
@@ -30,7 +30,7 @@ def put_pictures(
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     before = _format.set(kind)
     try:
-        return put_files(draw, folder, lambda name: f"plots/{name}")
+        return put_files(draw, folder, lambda name: f"plots/{name}", told_in)
     finally:
         _format.reset(before)
 
@@ -55,7 +55,9 @@ def picture_format() -> str:
     return _format.get()
 
 
-def put_files(make: Callable[[Path], Iterable[str]], folder: Path, place: Callable[[str], str]) -> list[str]:
+def put_files(
+    make: Callable[[Path], Iterable[str]], folder: Path, place: Callable[[str], str], told_in: str = ""
+) -> list[str]:
     """Make files aside and put them into a folder; return their names, relative to it.
 
     Parameters
@@ -66,6 +68,8 @@ def put_files(make: Callable[[Path], Iterable[str]], folder: Path, place: Callab
         Of a run or a study; the files of an older one are gone.
     place : callable
         Returns where in that folder a file goes.
+    told_in : str
+        The file that tells of the run or study; it names these before they are there. Empty: that of a run.
 
     Raises
     ------
@@ -73,6 +77,8 @@ def put_files(make: Callable[[Path], Iterable[str]], folder: Path, place: Callab
         If the system refuses, or there are other files of these names; none is put there then.
     """
     import shutil
+
+    from hfsim.output.runfolder import SUMMARY, announce  # NumPy, where only help is wanted
 
     aside = folder / _ASIDE
     shutil.rmtree(aside, ignore_errors=True)
@@ -85,8 +91,14 @@ def put_files(make: Callable[[Path], Iterable[str]], folder: Path, place: Callab
         if taken:
             names = ", ".join(there.name for there in taken[:_TOLD])
             raise FileExistsError(f"{taken[0].parent} has files that are not of hfsim: {names}")
-        for name, there in places.items():
-            os.replace(aside / name, there)
+        announce(folder, map(place, places), told_in or SUMMARY)
+        try:
+            for name, there in places.items():
+                os.replace(aside / name, there)
+        except BaseException:
+            for there in places.values():
+                there.unlink(missing_ok=True)
+            raise
     except Exception as error:
         if SHIELD.taken is not None:  # libraries that a signal interrupts may say anything
             raise SHIELD.taken from error

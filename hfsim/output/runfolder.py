@@ -322,6 +322,16 @@ def refuse_unwritable(path: Path) -> None:
         raise FolderError(f"{path} cannot be written to: no permission in {nearest}")
 
 
+def announce(path: Path, names: Iterable[str], told_in: str) -> None:
+    """Name files in the one that tells of a folder, before they are put there.
+
+    Whatever ends the process meanwhile, they are known as those of this run or study.
+    """
+    if summary := read_summary(path, told_in):
+        files = [*dict.fromkeys([*summary["files"], *names])]
+        write_json(path / told_in, {**summary, "files": files})
+
+
 def read_summary(path: Path, name: str = SUMMARY) -> dict[str, Any]:
     """Return what a folder says of its run or study; empty where there is none."""
     try:

@@ -159,7 +159,7 @@ class Study:
         warnings: list[str] = []
         signal: KeyboardInterrupt | None = None
         try:
-            pictures = put_pictures(draw, self.path, self.format)
+            pictures = put_pictures(draw, self.path, self.format, f"{self.kind}.json")
         except KeyboardInterrupt as stop:
             warnings, signal = [lost(stop)], stop
         except Exception as error:  # whatever it is, it must not cost the results
@@ -171,14 +171,14 @@ class Study:
         return plain, signal
 
     def _add_page(self, plain: Mapping[str, Any], make: Page) -> dict[str, Any]:
-        """Write a page; return the facts with its name, as they are written anew."""
+        """Write a page; return the facts with its name, as they are written anew before it."""
         from hfsim.output.disk import disk, write_json, write_text
         from hfsim.output.page import PAGE
 
+        plain = {**plain, "files": [*plain["files"], PAGE]}
         with disk(self.path):
-            write_text(self.path / PAGE, make(plain, self.path))
-            plain = {**plain, "files": [*plain["files"], PAGE]}
             write_json(self.path / f"{self.kind}.json", plain)
+            write_text(self.path / PAGE, make(plain, self.path))
         return plain
 
     def _save(

@@ -6,6 +6,7 @@ import pytest
 from called import call
 
 from hfsim.marching import record
+from hfsim.output import recording
 from hfsim.output.disk import WriteError
 from hfsim.output.plots import motion
 from hfsim.output.recording import Recording
@@ -132,6 +133,28 @@ def test_what_a_signal_has_cost_after_the_end_is_made_by_going_on(here, monkeypa
     assert again.exit_code == 0 and "going on at row" in again.stderr
     assert (here / "out/plots/motion.gif").exists() and not (here / "out/checkpoint.npz").exists()
     assert (here / "out/history.csv").read_bytes() == history
+
+
+@pytest.mark.parametrize("again", [("--resume", "--vtk"), ("--force", "--set", "output.interval=0.05")])
+def test_files_that_a_kill_left_unlisted_are_known_as_those_of_their_run(here, monkeypatch, again):
+    """Killed once files for ParaView are in their places; a picture of somebody else is beside them."""
+    add_extras = recording.add_extras
+
+    def killed(*given):
+        add_extras(*given)
+        raise SystemExit(9)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(recording, "add_extras", killed)
+        assert run("pendulum", "--vtk").exit_code == 9
+    assert summary()["exit_code"] is None and (here / "out/pendulum.pvd").exists()
+    (here / "out/vtk/own.vtu").write_text("mine")
+    done = run("pendulum", *again)
+    assert (done.exit_code, "warning" in done.stderr) == (0, False), done.stderr
+    listed = {f"out/{name}" for name in summary()["files"]}
+    there = {str(path.relative_to(here)) for path in here.rglob("*") if path.is_file()}
+    assert there == {*listed, "out/vtk/own.vtu"}
+    assert ("out/pendulum.pvd" in listed) == ("--vtk" in again)
 
 
 def test_what_a_full_disk_has_cost_after_the_end_is_made_by_going_on(here, monkeypatch):

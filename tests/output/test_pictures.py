@@ -102,6 +102,43 @@ def test_pictures_of_a_study_that_is_replaced_go_and_others_stay(tmp_path):
     assert [path.name for path in (tmp_path / "plots").iterdir()] == ["own.png"]
 
 
+def test_pictures_of_a_study_that_was_killed_before_it_told_of_them_are_its_own(tmp_path, monkeypatch):
+    """Nothing is written once they are in their places."""
+    put = os.replace
+
+    def killed(*_):
+        raise SystemExit
+
+    def replace(draft, there):
+        put(draft, there)
+        if Path(there).suffix == ".png":
+            monkeypatch.setattr("hfsim.output.disk.write_text", killed)
+
+    monkeypatch.setattr(os, "replace", replace)
+    first = study(tmp_path)
+    with pytest.raises(SystemExit):
+        first.publish({"status": "done"}, {}, "", drawing("a.png"))
+    first.folder.release()  # as the end of its process does
+    monkeypatch.undo()
+    assert (tmp_path / "plots/a.png").exists()
+    study(tmp_path, force=True).publish({"status": "done"}, {}, "")
+    assert [path.name for path in tmp_path.iterdir()] == ["race.json"]
+
+
+def test_pictures_are_put_all_or_none(tmp_path, monkeypatch):
+    put = os.replace
+
+    def replace(draft, there):
+        if Path(there).name == "b.png":
+            raise OSError(28, "No space left")
+        put(draft, there)
+
+    monkeypatch.setattr(os, "replace", replace)
+    facts = study(tmp_path).publish({"status": "done"}, {}, "", drawing("a.png", "b.png"))
+    assert facts["files"] == ["race.json"] and "No space" in facts["warnings"][0]
+    assert not [*tmp_path.rglob("*.png")]
+
+
 DECK = """
 hfsim: 1
 name: "$x_$ 100 %"
