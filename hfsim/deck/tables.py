@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
+from functools import cache
 from typing import Any, NamedTuple, TypeAlias
 
 from hfsim.deck.files import FileRefusedError, Folder, Text
@@ -20,7 +22,7 @@ _DELIMITERS = ",;\t"
 
 
 class _Cell(NamedTuple):
-    """A piece of a line: its text without blanks and quotes, and where it stands."""
+    """A piece of a line: its text without blanks and quotes around it, and where it stands."""
 
     text: str
     mark: Mark
@@ -87,8 +89,9 @@ def _columns(source: DeckSource, folder: Folder, path: Path, entry: dict[str, An
         raise _Wrong(_wrong(at, message, where))
     found = [_place(source, path, entry, header, k) for k in range(2)]
     columns: _Columns = ([], [])
-    problems = []
+    problems = [*_twice(at, header, found)]
     for row in rows:
+        problems += _misfits(at, header, row)
         for k, column in zip(found, columns, strict=True):
             cell = row[k] if k < len(row) else _Cell("", row[-1].mark)
             number = plain_number(cell.text)
@@ -105,6 +108,22 @@ def _columns(source: DeckSource, folder: Folder, path: Path, entry: dict[str, An
     return columns
 
 
+def _twice(path: Path, header: Sequence[_Cell], found: Sequence[int]) -> Iterator[DeckProblem]:
+    """Yield that a name that is asked for is that of two columns."""
+    names = [cell.text for cell in header]
+    for k in found:
+        if names.count(names[k]) > 1:
+            yield _wrong(path, f"two columns are called '{names[k]}'", header[k].mark)
+
+
+def _misfits(path: Path, header: Sequence[_Cell], row: Sequence[_Cell]) -> Iterator[DeckProblem]:
+    """Yield that a row says more than it has columns for."""
+    beyond = next((cell for cell in row[len(header) :] if cell.text), None)
+    if beyond is not None:
+        message = f"{len(row)} values for {len(header)} columns"
+        yield _wrong(path, message, beyond.mark, "numbers have a point, not a comma")
+
+
 def _rows(file: Text) -> Iterator[list[_Cell]]:
     """Yield the cells of each line that is neither empty nor a comment."""
     delimiter = ""
@@ -112,13 +131,26 @@ def _rows(file: Text) -> Iterator[list[_Cell]]:
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         delimiter = delimiter or next((one for one in _DELIMITERS if one in line), ",")
-        row, column = [], 1
-        for piece in line.split(delimiter):
+        row = []
+        for found in _cell_pattern(delimiter).finditer(line):
+            piece, start = found[1], found.start(1)
             text = piece.strip()
-            start = column + len(piece) - len(piece.lstrip()) if text else column
-            row.append(_Cell(text.strip("\"'"), Mark(number, start, max(len(text), 1), file.name)))
-            column += len(piece) + 1
+            start += len(piece) - len(piece.lstrip()) if text else 0
+            row.append(_Cell(_unquoted(text), Mark(number, start + 1, max(len(text), 1), file.name)))
         yield row
+
+
+@cache
+def _cell_pattern(delimiter: str) -> re.Pattern[str]:
+    """Return what finds the cells of a line; a delimiter in quotes that are a whole cell's is none."""
+    blank = rf"[^\S{delimiter}]*"
+    quoted = rf"""{blank}(?:"(?:[^"]|"")*"|'[^']*'){blank}"""
+    return re.compile(rf"(?:^|{delimiter})({quoted}|[^{delimiter}]*)(?={delimiter}|$)")
+
+
+def _unquoted(text: str) -> str:
+    """Return a cell without the quotes around it; one that stands alone is part of it."""
+    return text[1:-1] if len(text) > 1 and text[0] == text[-1] and text[0] in "\"'" else text
 
 
 def _place(source: DeckSource, path: Path, entry: dict[str, Any], header: Sequence[_Cell], k: int) -> int:
@@ -153,5 +185,5 @@ def _put(source: DeckSource, path: Path, entry: dict[str, Any], columns: _Column
         source.value_marks.update({(*path, key, k): cell.mark for k, cell in enumerate(column)})
 
 
-def _wrong(path: Path, message: str, mark: Mark) -> DeckProblem:
-    return DeckProblem(dotted(path), message, "", *mark)
+def _wrong(path: Path, message: str, mark: Mark, hint: str = "") -> DeckProblem:
+    return DeckProblem(dotted(path), message, hint, *mark)

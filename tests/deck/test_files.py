@@ -249,6 +249,29 @@ def test_springs_take_their_tables_from_files(deck):
     assert "rope.csv:4:1: error: springs.rope.table.2: the first numbers must increase" in refusal(deck)
 
 
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ("t,torque\n0,0,0,0\n1,0,5,7", {"2:5": "4 values for 2 columns", "3:5": "4 values for 2 columns"}),
+        ("t,torque,torque\n0,1,2\n1,2,3", {"1:3": "two columns are called 'torque'"}),
+        ('t,torque\n"0,0\n1,1', {"2:1": "t must be a number, not '\"0'"}),
+        ("t;torque\n0;'1\n1;1", {"2:3": "torque must be a number, not ''1'"}),
+    ],
+)
+def test_what_a_table_would_lose_is_an_error_at_its_place(deck, rows, said):
+    (deck.parent / "parts" / "motor.csv").write_text(rows)
+    told = refusal(deck)
+    lines = [f"motor.csv:{place}: error: loads.push.law.table: {what}" for place, what in said.items()]
+    assert [one for one in lines if one not in told] == [] and told.count("error:") == len(said), told
+
+
+def test_a_table_may_have_columns_that_are_not_asked_for(deck):
+    rows = 't,torque,remark,x,x\n0,1,"slow, cold",,\n1, "2" ,5" pipe,1,2,,\n'
+    (deck.parent / "parts" / "motor.csv").write_text(rows)
+    law = load_deck(deck).deck.loads["push"].law
+    assert (tuple(law.times), tuple(law.values)) == ((0.0, 1.0), (1.0, 2.0))
+
+
 def test_only_the_deck_itself_sets_parameters_of_its_parts(deck):
     (deck.parent / "parts" / "other.yaml").write_text("parameters:\n  width: 0.03\n")
     changed(deck, "parts/arm.yaml,", "parts/arm.yaml, parts/other.yaml,")
