@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfsim.integrators import Memory
-from hfsim.output.disk import read_history, write_whole
+from hfsim.output.disk import Beginning, read_history, write_whole
 from hfsim.output.writers import Provenance, differences, first_lines, read_resolved, versions
 
 CHECKPOINT = "checkpoint.npz"
@@ -25,19 +25,19 @@ class Checkpoint(NamedTuple):
     ----------
     memory : Memory
         For `hfsim.simulate.simulate`.
-    size : int
-        Bytes of the history until there.
+    there : Beginning
+        The history until there.
     """
 
     memory: Memory
-    size: int
+    there: Beginning
 
 
 class CheckpointError(Exception):
     """A checkpoint or results of another deck, version or command; says in what they differ."""
 
 
-def put_down(folder: Path, memory: Memory, size: int, provenance: Provenance) -> None:
+def put_down(folder: Path, memory: Memory, there: Beginning, provenance: Provenance) -> None:
     """Write the checkpoint of a run.
 
     Raises
@@ -45,7 +45,7 @@ def put_down(folder: Path, memory: Memory, size: int, provenance: Provenance) ->
     OSError
         If the system refuses.
     """
-    facts = {"size": size, "resolved": provenance.resolved, "versions": versions()}
+    facts = {"history": there, "resolved": provenance.resolved, "versions": versions()}
     arrays: dict[str, Any] = {**memory, "about": np.array(json.dumps(facts))}
     write_whole(folder / CHECKPOINT, lambda file: np.savez(file, **arrays))
 
@@ -56,7 +56,7 @@ def take_up(folder: Path, provenance: Provenance) -> Checkpoint | None:
     Raises
     ------
     CheckpointError
-        If it is not one of this deck with these versions, or cannot be read.
+        If it is not one of this deck with these versions, or cannot be read, or the history was changed.
     """
     from zipfile import BadZipFile
 
@@ -67,11 +67,15 @@ def take_up(folder: Path, provenance: Provenance) -> Checkpoint | None:
         with np.load(path, allow_pickle=False) as arrays:
             memory = dict(arrays)
         facts = json.loads(str(memory.pop("about")))
-        table = read_history(folder / "history.csv", facts["size"])
+        there = Beginning(*facts["history"])
     except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise CheckpointError(f"{path} cannot be read: {error}") from error
+    try:
+        table = read_history(folder / "history.csv", there)
+    except (OSError, ValueError) as error:
+        raise CheckpointError(f"{path} does not go with the rows: {error}") from error
     _refuse(path, [*_of_versions(facts["versions"]), *_deck(facts["resolved"], provenance.resolved)])
-    return Checkpoint({**memory, "table": table}, facts["size"])
+    return Checkpoint({**memory, "table": table}, there)
 
 
 def refuse_others(folder: Path, summary: Mapping[str, Any], provenance: Provenance) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 
@@ -89,6 +90,21 @@ def write_json(path: Path, facts: Mapping[str, Any]) -> None:
     write_text(path, json.dumps(facts, indent=2, allow_nan=False, ensure_ascii=False) + "\n")
 
 
+class Beginning(NamedTuple):
+    """The first bytes of a file.
+
+    Attributes
+    ----------
+    size : int
+        How many.
+    crc : int
+        Their CRC-32.
+    """
+
+    size: int = 0
+    crc: int = 0
+
+
 class History:
     """A CSV file that grows while its rows are computed.
 
@@ -96,24 +112,24 @@ class History:
     ----------
     names : sequence of str
         Of the columns after ``t``.
-    size : int, optional
-        Bytes of an older file to go on from; what comes behind is cut off. Without it a new one is made.
+    after : Beginning, optional
+        Of an older file, to go on from; what comes behind is cut off. Without it a new one is made.
 
     Attributes
     ----------
-    size : int
-        Bytes of the whole rows in the file.
+    there : Beginning
+        The whole rows in the file.
     rows : int
         Of them, those that were added to it here.
     """
 
-    def __init__(self, path: Path, names: Sequence[str], size: int | None = None) -> None:
-        flags = _NEW if size is None else (_NEW & ~os.O_CREAT & ~os.O_EXCL)
+    def __init__(self, path: Path, names: Sequence[str], after: Beginning | None = None) -> None:
+        flags = _NEW if after is None else (_NEW & ~os.O_CREAT & ~os.O_EXCL)
         self._file = os.open(path, flags, 0o666)
-        self.size, self.rows = size or 0, 0
-        os.ftruncate(self._file, self.size)
+        self.there, self.rows = after or Beginning(), 0
+        os.ftruncate(self._file, self.there.size)
         os.lseek(self._file, 0, os.SEEK_END)
-        if size is None:
+        if after is None:
             self._write(",".join(["t", *names]) + "\n")
             self.rows = 0
 
@@ -140,10 +156,11 @@ class History:
                     done += os.write(self._file, memoryview(data)[done:])
         except OSError:
             done = data.rfind(b"\n", 0, done) + 1
-            os.ftruncate(self._file, self.size + done)
+            os.ftruncate(self._file, self.there.size + done)
             raise
         finally:
-            self.size += done
+            size, crc = self.there
+            self.there = Beginning(size + done, zlib.crc32(memoryview(data)[:done], crc))
             self.rows += data.count(b"\n", 0, done)
 
     def sync(self) -> None:
@@ -161,9 +178,20 @@ def rows_as_text(rows: Iterable[Sequence[float]]) -> Iterable[str]:
     return (",".join(map(repr, row)) + "\n" for row in rows)
 
 
-def read_history(path: Path, size: int) -> np.ndarray:
-    """Return the rows of a history in its first ``size`` bytes, shape (n_rows, n_columns)."""
+def read_history(path: Path, there: Beginning) -> np.ndarray:
+    """Return the rows with which a history begins, shape (n_rows, n_columns).
+
+    Raises
+    ------
+    OSError, ValueError
+        If it cannot be read, or begins otherwise.
+    """
     with path.open("rb") as file:
-        lines = file.read(size).decode().splitlines()
+        data = file.read(there.size)
+    if len(data) < there.size:
+        raise ValueError(f"{path} has {len(data)} of the {there.size} bytes that are counted on")
+    if zlib.crc32(data) != there.crc:
+        raise ValueError(f"{path} was changed: its first {there.size} bytes are not those that were written")
+    lines = data.decode().splitlines()
     width = lines[0].count(",") + 1
     return np.array([float(x) for line in lines[1:] for x in line.split(",")]).reshape(-1, width)

@@ -13,7 +13,7 @@ from hfsim.integrators import Memory
 from hfsim.marching.solution import Run
 from hfsim.marching.stop import SHIELD
 from hfsim.output.checkpoint import CHECKPOINT, Checkpoint, put_down
-from hfsim.output.disk import History, disk, keep_room, write_json
+from hfsim.output.disk import Beginning, History, disk, keep_room, write_json
 from hfsim.output.extras import Extras, add_extras
 from hfsim.output.runfolder import SUMMARY, RunFolder, RunLog, Stopwatch
 from hfsim.output.writers import Provenance, running_summary, summary_of, write_resolved
@@ -59,7 +59,7 @@ class Recording:
         self._before = self._there = len(checkpoint.memory["table"]) if checkpoint else 0
         """Rows that were in the file already; those of them that are yet to come once more."""
         self._memory: Callable[[], Memory] | None = None
-        self._size = checkpoint.size if checkpoint else 0
+        self._kept = Beginning()
         self._next = time.monotonic() + EVERY
         self._full = self._ended = False
         self.path = folder.path
@@ -71,7 +71,8 @@ class Recording:
         with disk(self.path), self._watch.phase("write"), SHIELD:
             summary = running_summary(self._name, self._model, self.provenance)
             self.folder.prepare(("history.csv", CHECKPOINT) if self._from else (), summary)
-            self._history = History(self.path / "history.csv", tuple(channels), self._size or None)
+            after = self._from and self._from.there
+            self._history = History(self.path / "history.csv", tuple(channels), after)
             write_resolved(self.path / "resolved.yaml", self.provenance, self._model)
             self._log.to(self.path / "run.log", append=self._from is not None)
             keep_room(self.path / SUMMARY)
@@ -94,7 +95,7 @@ class Recording:
         """Keep in mind from where the run can go on; put it down now and then."""
         if self._history is None or self._full:
             return
-        self._memory, self._size = memory, self._history.size
+        self._memory, self._kept = memory, self._history.there
         if time.monotonic() >= self._next:
             self._put_down()
             self._next = time.monotonic() + EVERY
@@ -105,7 +106,7 @@ class Recording:
         with self._watch.phase("write"):
             try:
                 self._history.sync()
-                put_down(self.path, self._memory(), self._size, self.provenance)
+                put_down(self.path, self._memory(), self._kept, self.provenance)
             except OSError as error:
                 self._log.add(f"no checkpoint was written: {error.strerror}")
 

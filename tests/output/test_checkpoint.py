@@ -17,7 +17,7 @@ from hfsim.marching import record
 from hfsim.marching.stop import SHIELD
 from hfsim.output import disk, recording
 from hfsim.output.checkpoint import CHECKPOINT, CheckpointError, put_down, take_up
-from hfsim.output.disk import History, read_history
+from hfsim.output.disk import History
 from hfsim.output.runfolder import RunFolder, RunLog
 from hfsim.output.writers import Provenance
 
@@ -35,9 +35,9 @@ main()
 def folder(tmp_path):
     history = History(tmp_path / "history.csv", ("x",))
     history.add(np.array([[0.0, 1.0], [0.1, 2.0]]))
-    size = history.size
+    there = history.there
     history.add(np.array([[0.2, 3.0]]))
-    put_down(tmp_path, {"steps.q": np.arange(3.0)}, size, PROVENANCE)
+    put_down(tmp_path, {"steps.q": np.arange(3.0)}, there, PROVENANCE)
     return tmp_path
 
 
@@ -69,6 +69,22 @@ def test_a_checkpoint_that_cannot_be_read_is_told(folder):
     (folder / CHECKPOINT).write_bytes(b"PK\x03\x04 cut short")
     with pytest.raises(CheckpointError, match="cannot be read"):
         take_up(folder, PROVENANCE)
+
+
+@pytest.mark.parametrize(
+    ("rows", "why"),
+    [
+        (b"", "history.csv has 0 of the 20 bytes that are counted on"),
+        (b"t,x\n0.0,1.0\n0.1,2.0", "history.csv has 19 of the 20 bytes"),
+        (b"t,x\n0.0,1.0\n0.2,3.0\n", "history.csv was changed: its first 20 bytes"),
+        (b"t,x\n0.1,2.0\n0.2,3.0\n0.3,4.0\n", "history.csv was changed"),
+    ],
+)
+def test_rows_that_are_not_those_the_checkpoint_counts_on_are_refused(folder, rows, why):
+    (folder / "history.csv").write_bytes(rows)
+    with pytest.raises(CheckpointError, match=why):
+        take_up(folder, PROVENANCE)
+    assert (folder / "history.csv").read_bytes() == rows
 
 
 RUN = ("run", "pendulum", "--no-plots", "--after", "none")
@@ -146,7 +162,7 @@ def test_a_run_that_was_killed_goes_on_as_if_nothing_had_been(tmp_path, number, 
 def assert_summary_is_of_the_rows(folder):
     """Assert that the summary tells the end, last values and extremes of the rows in the history."""
     summary = json.loads((folder / "summary.json").read_text())
-    table = read_history(folder / "history.csv", -1)
+    table = np.loadtxt(folder / "history.csv", delimiter=",", skiprows=1, ndmin=2)
     assert summary["end_time"] == summary["stop_time"] == table[-1, 0]
     assert [*summary["final"].values()] == table[-1, 1:].tolist()
     extremes = np.array([table[:, 1:].min(axis=0), table[:, 1:].max(axis=0)])

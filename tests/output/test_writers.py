@@ -58,19 +58,21 @@ def test_history_reads_back_bit_for_bit(tmp_path):
     table = rng.standard_normal((9001, 3)) * 10.0 ** rng.integers(-300, 300, (9001, 3))
     history = History(tmp_path / "h.csv", ("b1.tip.x", "b1.angle"))
     history.add(table[:4000])
-    size = history.size
+    there = history.there
     history.add(table[4000:])
     assert (tmp_path / "h.csv").read_text().splitlines()[0] == "t,b1.tip.x,b1.angle"
     assert np.array_equal(np.genfromtxt(tmp_path / "h.csv", delimiter=",", skip_header=1), table)
-    assert np.array_equal(read_history(tmp_path / "h.csv", size), table[:4000])
+    assert np.array_equal(read_history(tmp_path / "h.csv", there), table[:4000])
 
 
 def test_a_history_goes_on_where_it_was_cut_off(tmp_path):
     first = History(tmp_path / "h.csv", ("x",))
     first.add(np.array([[0.0, 1.0]]))
-    size = first.size
+    there = first.there
     first.add(np.array([[1.0, 2.0], [2.0, 3.0]]))
-    History(tmp_path / "h.csv", ("x",), size).add(np.array([[5.0, 6.0]]))
+    again = History(tmp_path / "h.csv", ("x",), there)
+    again.add(np.array([[5.0, 6.0]]))
+    assert read_history(tmp_path / "h.csv", again.there).tolist() == [[0.0, 1.0], [5.0, 6.0]]
     assert (tmp_path / "h.csv").read_text() == "t,x\n0.0,1.0\n5.0,6.0\n"
 
 
@@ -87,7 +89,7 @@ def test_a_full_disk_leaves_whole_rows(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="No space"):
         history.add(np.array([[1.0, 2.0], [2.0, 3.0]]))
     assert (tmp_path / "h.csv").read_text() == "t,x\n0.0,1.0\n1.0,2.0\n", "as many as it took"
-    assert (history.rows, history.size) == (2, 20)
+    assert (history.rows, history.there.size) == (2, 20)
 
 
 def test_writers_refuse_what_is_not_finite(tmp_path):
