@@ -347,7 +347,7 @@ def do_job(
                 log.add(line.strip())
         log.add(f"model {result.model}, method {result.method}")
         result, summary = recording.finish(result, wanted)
-    if settings.report:
+    if settings.report and summary["exit_code"] is not None:  # else it comes with what is missing
         from hfsim.output.page import add_page
 
         with for_a_file():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import zlib
@@ -27,6 +28,11 @@ class WriteError(HfsimError):
     """The disk refused a result (full, read-only, gone)."""
 
     exit_code = 1
+
+
+def is_full(error: BaseException) -> bool:
+    """Tell whether what the system refuses is room on the disk."""
+    return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
 
 
 @contextmanager

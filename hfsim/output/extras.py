@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from hfsim.errors import interruption_code
 from hfsim.marching.solution import Run
 from hfsim.marching.stop import Budget
+from hfsim.output.disk import WriteError, is_full
 from hfsim.output.runfolder import Stopwatch, folder_name
 from hfsim.output.text import plural
 from hfsim.output.writers import warnings_of
@@ -20,6 +21,9 @@ from hfsim.trust.after import AFTER
 
 if TYPE_CHECKING:
     from hfsim.scene.schema import OutputSpec
+
+
+_FULL = "the disk was full after its end: what was to be done after it is missing"
 
 
 class Extras(NamedTuple):
@@ -55,7 +59,10 @@ class Extras(NamedTuple):
 
 
 def add_extras(run: Run, wanted: Extras, folder: Path, watch: Stopwatch) -> tuple[Run, list[str]]:
-    """Make what is wanted; return the run with warnings of what was lost, and the names of the files."""
+    """Make what is wanted; return the run with warnings of what was lost, and the names of the files.
+
+    A signal and a full disk end it: the exit code tells.
+    """
     if not wanted.any:
         return run, []
     from hfsim.output.pictures import lost
@@ -69,6 +76,9 @@ def add_extras(run: Run, wanted: Extras, folder: Path, watch: Stopwatch) -> tupl
             run = replace(run, exit_code=interruption_code(stop), reason=run.reason or AFTER_ITS_END)
             return warned(run, lost(stop, words)), files
         except Exception as error:  # whatever it is, it must not cost the results
+            if is_full(error):
+                run = replace(run, exit_code=WriteError.exit_code, reason=run.reason or _FULL)
+                return warned(run, lost(error, words)), files
             names, warning = [], lost(error, words)
         files += names
         run = warned(run, warning) if warning else run

@@ -13,7 +13,7 @@ from hfsim.integrators import Memory
 from hfsim.marching.solution import Run
 from hfsim.marching.stop import SHIELD
 from hfsim.output.checkpoint import CHECKPOINT, Checkpoint, put_down
-from hfsim.output.disk import Beginning, History, disk, keep_room, write_json
+from hfsim.output.disk import Beginning, History, WriteError, disk, keep_room, write_json
 from hfsim.output.extras import Extras, add_extras
 from hfsim.output.runfolder import SUMMARY, RunFolder, RunLog, Stopwatch
 from hfsim.output.writers import Provenance, running_summary, summary_of, write_resolved
@@ -164,14 +164,15 @@ class Recording:
             run = self._on_disk(run)
             hurried = self._full or run.exit_code in INTERRUPTIONS
             run, files = add_extras(run, Extras() if hurried else wanted, self.path, self._watch)
-            cut_off = run.status == "done" and run.exit_code in INTERRUPTIONS
+            full = run.status == "done" and run.exit_code == WriteError.exit_code
+            cut_off = full or (run.status == "done" and run.exit_code in INTERRUPTIONS)
             if cut_off:
                 self._put_down()
             run = self._watch.added_to(run)
             with disk(self.path):
                 if not (cut_off or run.status in _RESUMABLE):
                     (self.path / CHECKPOINT).unlink(missing_ok=True)
-                summary = self._summarise(run, files)
+                summary = self._summarise(run, files, {"exit_code": None} if full else {})
                 self._log.end(summary)
         finally:
             self._release()

@@ -22,7 +22,7 @@ def tell(
 ) -> None:
     """Print the results of one run, and what the user should be warned of, save what was told before."""
     tell_doubts(run, summary, talk, told)
-    cut_short = run.status == "limit" or run.exit_code in INTERRUPTIONS
+    cut_short = run.status == "limit" or summary["exit_code"] in (None, *INTERRUPTIONS)
     hint = "; --resume goes on" if cut_short and folder and not summary.get("refinement") else ""
     if run.status != "done":
         print_error(f"{run.name}: {run.status} at t = {run.stop_time:.6g} s: {run.reason}{hint}")

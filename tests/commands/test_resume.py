@@ -157,18 +157,22 @@ def test_files_that_a_kill_left_unlisted_are_known_as_those_of_their_run(here, m
     assert ("out/pendulum.pvd" in listed) == ("--vtk" in again)
 
 
-def test_what_a_full_disk_has_cost_after_the_end_is_made_by_going_on(here, monkeypatch):
+@pytest.mark.parametrize("where", ["recording.add_extras", "paraview.write_series", "runfolder.announce"])
+def test_what_a_full_disk_has_cost_after_the_end_is_made_by_going_on(here, monkeypatch, where):
     def refuse(*_):
-        raise WriteError("cannot write: no space left")
+        raise (WriteError if where.endswith("extras") else OSError)(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("hfsim.output.recording.add_extras", refuse)
-        assert run("pendulum").exit_code == 1
+        patch.setattr(f"hfsim.output.{where}", refuse)
+        cut = run("pendulum", "--vtk", "--report")
+        assert cut.exit_code == 1 and "No space left" in cut.stderr
     assert summary()["status"] == "done" and summary()["exit_code"] is None
     assert "after its end" in summary()["reason"]
-    again = run("pendulum", "--resume")
+    assert where.endswith("extras") or ("--resume goes on" in cut.stderr and "done, 0.1 s" in cut.stdout)
+    assert not (here / "out/pendulum.pvd").exists() and not (here / "out/report.html").exists()
+    again = run("pendulum", "--vtk", "--resume")
     assert again.exit_code == 0 and "left as it is" not in again.stderr
-    assert summary()["exit_code"] == 0 and not summary()["reason"]
+    assert summary()["exit_code"] == 0 and not summary()["reason"] and (here / "out/pendulum.pvd").exists()
 
 
 def test_a_page_that_the_disk_refuses_is_told_in_the_summary(here, monkeypatch):

@@ -149,7 +149,7 @@ def test_files_are_listed_and_go_with_their_run(series):
 
 
 @pytest.mark.parametrize("series", ["space"], indirect=True)
-def test_what_cannot_be_written_is_not_there_and_costs_nothing(series, monkeypatch):
+def test_what_cannot_be_written_is_not_there_and_costs_no_results(series, monkeypatch):
     def full(kind, parts):
         if kind == "Collection":
             raise OSError(28, "No space left on device")
@@ -159,7 +159,7 @@ def test_what_cannot_be_written_is_not_there_and_costs_nothing(series, monkeypat
     monkeypatch.setattr(paraview, "_document", full)
     done = call("run", "deck.yaml", "--vtk", "--no-plots", "-o", "out", "--force")
     summary = json.loads(Path("out/summary.json").read_text())
-    assert (done.exit_code, summary["status"]) == (0, "done")
+    assert (done.exit_code, summary["status"]) == (1, "done")
     assert summary["warnings"][-1].startswith("the files for ParaView were not written: ")
     assert not list(Path("out").rglob("*.pvd")) and not list(Path("out").rglob("*.vtu"))
 
