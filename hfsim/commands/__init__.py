@@ -133,4 +133,4 @@ def _show_traceback(error: Exception) -> None:
 
         print_error("".join(traceback.format_exception(error)))
     elif not isinstance(error, HfsimError):
-        print_error("This is a mistake in hfsim, not in your deck; -v shows where it happened.")
+        print_error("This is a mistake in hfsim, not in your deck; HFSIM_DEBUG=1 shows where it happened.")

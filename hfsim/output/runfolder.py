@@ -12,7 +12,7 @@ import os
 import re
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
@@ -247,13 +247,11 @@ def claim(path: Path, force: bool, marker: str = SUMMARY) -> RunFolder:
         raise FolderError(
             "only results of hfsim run and static, alone, go to standard output; name a folder with -o"
         )
-    try:
-        refuse_unwritable(path)
+    refuse_unwritable(path)
+    with _reached(path):
         if path.is_dir() and (held := _locked(path)) is not None:
             os.close(held)
         present = _present(path, marker)
-    except OSError as error:
-        raise FolderError(f"cannot write to {path}: {error.strerror}") from error
     if not present:
         return RunFolder(path)
     summary = read_summary(path, marker)
@@ -311,15 +309,25 @@ def _studies(path: Path) -> list[str]:
     return [name for name, made in every.items() if isinstance(made, dict) and "hfsim" in made]
 
 
+@contextmanager
+def _reached(path: Path) -> Iterator[None]:
+    """Turn what the system refuses inside the block into a `FolderError` about a folder."""
+    try:
+        yield
+    except OSError as error:
+        raise FolderError(f"cannot write to {path}: {error.strerror}") from error
+
+
 def refuse_unwritable(path: Path) -> None:
     """Refuse a folder that cannot be made or written to: raise `FolderError`."""
-    if path.exists() and not path.is_dir():
-        raise FolderError(f"{path} is a file, not a folder")
-    nearest = next(place for place in (path, *path.absolute().parents) if place.exists())
-    if not nearest.is_dir():
-        raise FolderError(f"{path} cannot be made: {nearest} is a file")
-    if not os.access(nearest, os.W_OK | os.X_OK):
-        raise FolderError(f"{path} cannot be written to: no permission in {nearest}")
+    with _reached(path):
+        if path.exists() and not path.is_dir():
+            raise FolderError(f"{path} is a file, not a folder")
+        nearest = next(place for place in (path, *path.absolute().parents) if place.exists())
+        if not nearest.is_dir():
+            raise FolderError(f"{path} cannot be made: {nearest} is a file")
+        if not os.access(nearest, os.W_OK | os.X_OK):
+            raise FolderError(f"{path} cannot be written to: no permission in {nearest}")
 
 
 def announce(path: Path, names: Iterable[str], told_in: str) -> None:

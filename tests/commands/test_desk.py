@@ -57,6 +57,17 @@ def test_a_deck_that_is_there_is_not_replaced():
     assert "did you mean 'swing'" in misspelt.stderr
 
 
+@pytest.mark.parametrize("command", ["init", "run pendulum", "sweep pendulum --vary bodies.b1.length=1,2"])
+def test_a_folder_that_was_deleted_is_told(tmp_path, monkeypatch, command):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    refused = call(*command.split())
+    assert refused.exit_code == 2 and "error: cannot write to" in refused.stderr
+    assert "No such file or directory" in refused.stderr and "internal" not in refused.stderr
+
+
 def test_the_schema_is_json():
     solve = json.loads(call("schema").stdout)["properties"]["solve"]["properties"]
     assert solve["duration"]["description"].startswith("Time to simulate")
