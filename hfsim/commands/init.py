@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -39,7 +40,7 @@ def init(name: str | None, listing: bool, output: Path | None, force: bool) -> N
         print_out(decks[name].rstrip("\n"))
         return
     path = output or Path(f"{name}.yaml")
-    if path.exists() and not force:
+    if os.path.lexists(path) and not force:
         raise FolderError(f"{path} is there already; use --force to replace it, or -o FILE")
     refuse_unwritable(path.parent)
     with disk(path):

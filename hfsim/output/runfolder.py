@@ -323,7 +323,11 @@ def refuse_unwritable(path: Path) -> None:
     with _reached(path):
         if path.exists() and not path.is_dir():
             raise FolderError(f"{path} is a file, not a folder")
-        nearest = next(place for place in (path, *path.absolute().parents) if place.exists())
+        nearest = next(place for place in (path, *path.absolute().parents) if os.path.lexists(place))
+        if not nearest.exists():
+            raise FolderError(
+                f"{path} cannot be made: {nearest} is a link to {os.readlink(nearest)}, which is not there"
+            )
         if not nearest.is_dir():
             raise FolderError(f"{path} cannot be made: {nearest} is a file")
         if not os.access(nearest, os.W_OK | os.X_OK):

@@ -49,6 +49,8 @@ def test_a_deck_that_is_there_is_not_replaced():
     assert "--force" in refused.stderr
     assert call("init", "swing", "-o", "other.yaml").exit_code == 0
     assert call("init", "swing", "--force").exit_code == 0
+    Path("link.yaml").symlink_to("nowhere")
+    assert call("init", "swing", "-o", "link.yaml").exit_code == 2 and Path("link.yaml").is_symlink()
     assert Path("swing.yaml").read_text() == Path("other.yaml").read_text()
     told = call("init", "swing", "-o", "-")
     assert told.stdout == Path("swing.yaml").read_text() and not Path("-").exists()

@@ -273,6 +273,14 @@ def test_a_file_in_the_way_is_refused(tmp_path):
             claim(path, force=True)
 
 
+def test_a_link_to_nothing_is_no_folder(tmp_path):
+    (tmp_path / "broken").symlink_to("nowhere")
+    (tmp_path / "loop").symlink_to("loop")
+    for name, target in (("broken", "nowhere"), ("broken/deeper", "nowhere"), ("loop", "loop")):
+        with pytest.raises(FolderError, match=f"is a link to {target}, which is not there"):
+            claim(tmp_path / name, force=True)
+
+
 @pytest.mark.parametrize("name", ["../../etc", "/etc/passwd", "..", "", "a/b"])
 def test_no_deck_name_leads_out_of_the_folder(name):
     assert "/" not in folder_name(name, ".out")
