@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from types import UnionType
@@ -17,13 +18,23 @@ from hfsim.deck.source import (
     did_you_mean,
     entry_at,
     is_copy,
-    is_text,
     path_in,
     without_ranges,
 )
 from hfsim.deck.spec import OneOf, ReadBy, Spec, at
 from hfsim.deck.units import SI_UNITS
 from hfsim.errors import DeckProblem
+
+
+def why_no_text(word: str) -> str:
+    """Return why a word from the command line is no text, if so: Python makes surrogates of other bytes."""
+    if not any("\ud800" <= char <= "\udfff" for char in word):
+        return ""
+    try:
+        os.fsencode(word).decode()
+    except UnicodeError:
+        return "is not UTF-8 text, as it must be"
+    return "is UTF-8 text, but the encoding of the locale is another: set PYTHONUTF8=1"
 
 
 def override(source: DeckSource, overrides: Sequence[str], spec: type[Spec]) -> None:
@@ -58,8 +69,8 @@ def _set_entry(source: DeckSource, override: str, spec: type[Spec]) -> OverrideP
     """Set one entry of the data; return why it cannot be set."""
     name, equals, value = override.partition("=")
     name, option = name.strip(), getattr(override, "option", Setting.option)
-    if not is_text(override):
-        return OverrideProblem(name, "is not UTF-8 text", file=option)
+    if no_text := why_no_text(override):
+        return OverrideProblem(name, no_text, file=option)
     if not equals or not name:
         return OverrideProblem(name, f"'{override}' is no override", "write KEY=VALUE", file=option)
     if name.count("{") > name.count("}"):

@@ -60,11 +60,6 @@ class OverrideProblem(DeckProblem):
         return super().headline("--set", kind)
 
 
-def is_text(word: str) -> bool:
-    """Return whether a word from the command line is text: Python makes surrogates of other bytes."""
-    return not any("\ud800" <= char <= "\udfff" for char in word)
-
-
 def nearest(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
     """Return the known name most like a word, from a likeness up to 1; none is like a very long one."""
     import difflib

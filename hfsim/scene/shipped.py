@@ -37,10 +37,12 @@ def find_deck(name: str) -> Path:
     DeckNotFoundError
         If there is neither; the message names what comes near.
     """
-    from hfsim.deck.source import is_text
+    from hfsim.deck.overrides import why_no_text
 
-    if not name or not is_text(name):
-        raise DeckNotFoundError(f"{name}: the name of this deck is not UTF-8; rename it" if name else _EMPTY)
+    if not name:
+        raise DeckNotFoundError(_EMPTY)
+    if why := why_no_text(name):
+        raise DeckNotFoundError(f"{name}: the name of this deck {why}")
     path = Path(name)
     # a pipe does too; False where a name is too long for the system
     if os.path.exists(path) and not os.path.isdir(path):

@@ -39,6 +39,15 @@ def test_what_is_not_utf8_is_refused(here, command):
     assert refused.exit_code == 2 and "--set: error: name: is not UTF-8 text" in refused.stderr
 
 
+def test_what_is_utf8_where_the_locale_is_not_is_told_as_that():
+    word = "\u00f6".encode().decode("ascii", "surrogateescape")  # as Python reads it there
+    refused = call("check", f"{word}.yaml")
+    assert refused.exit_code == 2 and "the name of this deck is UTF-8 text, but" in refused.stderr
+    refused = call("check", "pendulum", "--set", f"name={word}")
+    assert refused.exit_code == 2 and "--set: error: name: is UTF-8 text" in refused.stderr
+    assert "PYTHONUTF8=1" in refused.stderr
+
+
 @pytest.mark.parametrize("command", [("check",), ("compare", "rigid", "linear", "--no-plots", "--case")])
 def test_a_deck_is_read_from_a_pipe_once(here, command):
     os.mkfifo("pipe")
