@@ -65,7 +65,8 @@ def _entries(names: tuple[str, ...], overrides: tuple[str, ...], talk: Talk) -> 
 def _tell_list(entries: list[Entry], talk: Talk) -> None:
     from hfsim.output.verify import as_list, list_facts
 
-    talk.facts(list_facts(entries))
+    for facts in list_facts(entries):
+        talk.facts(facts)
     talk.result(as_list(entries))
 
 

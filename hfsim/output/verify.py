@@ -126,7 +126,7 @@ def as_list(entries: Sequence[Entry]) -> str:
 
 
 def list_facts(entries: Sequence[Entry]) -> list[dict[str, Any]]:
-    """Return the same as JSON-ready facts."""
+    """Return the same as JSON-ready facts of each."""
     return [
         {"name": one.name, "file": one.file, "source": one.published.source, "grade": one.grades,
          "seconds": one.published.seconds, "quantities": [row.quantity for row in one.rows]}
