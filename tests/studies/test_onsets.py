@@ -128,6 +128,16 @@ def test_discs_on_unlike_springs_go_away_between_two_rates(inner, outer, rates):
         assert told == pytest.approx(grows, rel=1e-6)
 
 
+@pytest.mark.parametrize("outer", [0.0, pytest.param(0.2, marks=pytest.mark.slow)])
+def test_a_disc_that_goes_away_only_between_two_rates_is_told(outer):
+    """One critical speed was told, in the middle of the range, and no growth: both ends only decay or swing."""
+    found = hfsim.campbell(disc(0.0, outer, 1020.0), [20.0, 25.0], count=2)
+    expected = np.sort(np.sqrt(np.roots([4.0, outer**2 - 2.0 * 2020.0, 1.02e6]).real))
+    assert [one.rate for one in found.onsets] == pytest.approx(expected, rel=1e-4)
+    assert [one.above for one in found.onsets] == [True, False]
+    assert [one.rate for one in found.crossings if not one.order] == [one.rate for one in found.onsets]
+
+
 FROM_REST = [
     pytest.param(rates, marks=pytest.mark.slow)
     for rates in ([0, 30], [0, np.sqrt(500.0), 30], [-40, -10, 10, 30])

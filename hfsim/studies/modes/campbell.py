@@ -200,9 +200,11 @@ def campbell(
     senses, guesses = _places(follow.senses, at), _places(follow.guesses, at)
     every = Campbell(tuple(follow.founds), walk, _places(follow.tracks, at), senses, guesses)
     every = _told(every, rates)
+    crossings = _crossings(every, steady)
+    # what grows at a rate at which a crossing was sought is known by now
     grown = onsets(every.rates, every.founds, every.tracks, steady)
     critical = [Crossing(one.track, 0, one.rate, 0.0) for one in grown if one.critical]
-    crossed = sorted([*_crossings(every, steady), *critical], key=lambda one: one.rate)
+    crossed = sorted([*crossings, *critical], key=lambda one: one.rate)
     return replace(every.at(rates), crossings=tuple(crossed), onsets=tuple(grown))
 
 
@@ -314,6 +316,8 @@ def _located(between: Sequence[_End], number: int, order: int, steady: Steady) -
         found = mode_between(steady.at(rate, first.about), rate, ((low, first), (high, last)), most)
         if found is None:
             break
+        if not order and found[0].kind == "divergence":
+            return None
         mode, sense = found[0], own * (-1 if found[1] else 1)
         here, frequency = _beyond(mode, order, rate, sense), mode.frequency
         if abs(rate - before) <= _CLOSE * abs(rate) or not here or not mode.value:

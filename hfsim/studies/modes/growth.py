@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import islice, pairwise
+from itertools import chain, islice, pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -75,7 +75,9 @@ def _told(
 ) -> Iterator[Onset]:
     """Yield the onsets between two rates, at which all modes are known by their numbers."""
     taken = {True: set[int](), False: set[int]()}
-    for below, beyond in islice(_changes(low, high, steady, _TRIES), _MOST):
+    known = pairwise((low, *steady.between(low[0], high[0]), high))
+    changes = chain.from_iterable(_changes(*ends, steady, _TRIES) for ends in known)
+    for below, beyond in islice(changes, _MOST):
         for mode, partner, above in _of_change(below[1], beyond[1]):
             number = _number(mode, [pair[above] for pair in tracks], taken[above])
             if number:
