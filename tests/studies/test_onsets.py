@@ -130,7 +130,7 @@ def test_discs_on_unlike_springs_go_away_between_two_rates(inner, outer, rates):
 
 @pytest.mark.parametrize("outer", [0.0, pytest.param(0.2, marks=pytest.mark.slow)])
 def test_a_disc_that_goes_away_only_between_two_rates_is_told(outer):
-    """One critical speed was told, in the middle of the range, and no growth: both ends only decay or swing."""
+    """One critical speed was told, amid the range, and no growth: at both ends all decays or swings."""
     found = hfsim.campbell(disc(0.0, outer, 1020.0), [20.0, 25.0], count=2)
     expected = np.sort(np.sqrt(np.roots([4.0, outer**2 - 2.0 * 2020.0, 1.02e6]).real))
     assert [one.rate for one in found.onsets] == pytest.approx(expected, rel=1e-4)

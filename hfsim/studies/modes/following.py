@@ -74,7 +74,7 @@ class Steady:
         return self._known[rate]
 
     def between(self, low: float, high: float) -> list[tuple[float, Modes]]:
-        """Return steady rates between two at which modes were looked at so far, from slow to fast, and these."""
+        """Return steady rates between two at which modes are known by now, from slow to fast, and these."""
         rates = sorted(rate for rate in self._known if low < rate < high)
         return [(rate, self._known[rate]) for rate in rates if self._known[rate].steady]
 
