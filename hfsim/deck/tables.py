@@ -19,6 +19,7 @@ MOST_POINTS = 20_000
 _MOST_TOLD = 20
 """Problems of a table that are told."""
 _DELIMITERS = ",;\t"
+_QUOTED = re.compile("""["][^"]*"|'[^']*'""")
 
 
 class _Cell(NamedTuple):
@@ -130,7 +131,7 @@ def _rows(file: Text) -> Iterator[list[_Cell]]:
     for number, line in enumerate(file.text.splitlines(), start=1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
-        delimiter = delimiter or next((one for one in _DELIMITERS if one in line), ",")
+        delimiter = delimiter or next((one for one in _DELIMITERS if one in _QUOTED.sub("", line)), ",")
         row = []
         for found in _cell_pattern(delimiter).finditer(line):
             piece, start = found[1], found.start(1)
@@ -150,7 +151,8 @@ def _cell_pattern(delimiter: str) -> re.Pattern[str]:
 
 def _unquoted(text: str) -> str:
     """Return a cell without the quotes around it; one that stands alone is part of it."""
-    return text[1:-1] if len(text) > 1 and text[0] == text[-1] and text[0] in "\"'" else text
+    quoted = len(text) > 1 and text[0] == text[-1] and text[0] in "\"'"
+    return text[1:-1].replace('""', '"') if quoted else text
 
 
 def _place(source: DeckSource, path: Path, entry: dict[str, Any], header: Sequence[_Cell], k: int) -> int:

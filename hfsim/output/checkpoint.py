@@ -67,14 +67,15 @@ def take_up(folder: Path, provenance: Provenance) -> Checkpoint | None:
         with np.load(path, allow_pickle=False) as arrays:
             memory = dict(arrays)
         facts = json.loads(str(memory.pop("about")))
-        there = Beginning(*facts["history"])
+        differing = [*_of_versions(facts["versions"]), *_deck(facts["resolved"], provenance.resolved)]
     except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise CheckpointError(f"{path} cannot be read: {error}") from error
+    _refuse(path, differing)
     try:
+        there = Beginning(*facts["history"])
         table = read_history(folder / "history.csv", there)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, KeyError, TypeError) as error:
         raise CheckpointError(f"{path} does not go with the rows: {error}") from error
-    _refuse(path, [*_of_versions(facts["versions"]), *_deck(facts["resolved"], provenance.resolved)])
     return Checkpoint({**memory, "table": table}, there)
 
 

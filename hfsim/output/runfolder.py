@@ -340,7 +340,7 @@ def announce(path: Path, names: Iterable[str], told_in: str) -> None:
     Whatever ends the process meanwhile, they are known as those of this run or study.
     """
     if summary := read_summary(path, told_in):
-        files = [*dict.fromkeys([*summary["files"], *names])]
+        files = [*dict.fromkeys([*summary.get("files", []), *names])]
         write_json(path / told_in, {**summary, "files": files})
 
 

@@ -243,7 +243,9 @@ def _followed(scene: Scene, wish: Wish) -> tuple[list[_Row], Equilibrium, dict[s
     nothing = np.zeros((0, state.z.shape[1]))
     loose = points[-1].problem.free if points else None
     free = nothing if loose is None else loose
-    reached = Equilibrium(state, rows[-1].load, values, nothing, free, False, None, path.effort, why, lost)
+    led = problem.way.followed and not path.effort.descents
+    args = state, rows[-1].load, values, nothing, free, False, None, path.effort, why, lost
+    reached = Equilibrium(*args, led=led)
     told = {kind: [one.load for one in path.crossings if one.kind == kind] for kind in ("limit", "branch")}
     return rows, reached, {"points": len(points), "limits": told["limit"], "branches": told["branch"]}
 
@@ -323,7 +325,7 @@ def facts_of(scene: Scene, samples: StaticSamples, found: Equilibrium) -> dict[s
         "validity": watch_validity(scene, samples.t, samples.q, samples.v),
         "warnings": [
             *doubts(scene, found, samples.x, float(samples.t[-1])), *singular_rest(scene, samples, found),
-            *turned_joints(scene, found, float(samples.t[-1])),
+            *(() if found.led else turned_joints(scene, float(samples.t[-1]))),
         ],
     }
 
@@ -356,13 +358,9 @@ def failure_of(scene: Scene, t: float, found: Equilibrium) -> SolverFailure:
     )
 
 
-def turned_joints(scene: Scene, found: Equilibrium, t: float) -> Iterator[str]:
-    """Yield joints that laws have turned so far until a time [s] that full turns are missing.
-
-    They are where a scene was let down, and of redundant joints: else these were led along their laws.
-    """
-    led = not found.effort.descents and not any(c.driven for c in scene.system.redundant)
-    for name, joint in () if led else scene.deck.joints.items():
+def turned_joints(scene: Scene, t: float) -> Iterator[str]:
+    """Yield joints that laws have turned so far until a time [s] that full turns may be missing."""
+    for name, joint in scene.deck.joints.items():
         if law := dict(getattr(joint, "laws", ())).get(joint.led_angle):
             begin, end = law.build().value(np.array([0.0, t]))
             if abs(end - begin) > np.pi:

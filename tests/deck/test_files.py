@@ -265,8 +265,14 @@ def test_what_a_table_would_lose_is_an_error_at_its_place(deck, rows, said):
     assert [one for one in lines if one not in told] == [] and told.count("error:") == len(said), told
 
 
-def test_a_table_may_have_columns_that_are_not_asked_for(deck):
-    rows = 't,torque,remark,x,x\n0,1,"slow, cold",,\n1, "2" ,5" pipe,1,2,,\n'
+@pytest.mark.parametrize(
+    "rows",
+    [
+        't,torque,remark,x,x\n0,1,"slow, cold",,\n1, "2" ,5" pipe,1,2,,\n',
+        't;"force, ""wet"", N";torque\n0;7;1\n1;7;2\n',
+    ],
+)
+def test_a_table_may_have_columns_that_are_not_asked_for(deck, rows):
     (deck.parent / "parts" / "motor.csv").write_text(rows)
     law = load_deck(deck).deck.loads["push"].law
     assert (tuple(law.times), tuple(law.values)) == ((0.0, 1.0), (1.0, 2.0))

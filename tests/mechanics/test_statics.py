@@ -861,6 +861,51 @@ def test_joints_go_along_their_laws_with_all_turns(led):
         assert run.final["m.angle"] == pytest.approx(40.0 * t)
 
 
+@pytest.mark.parametrize("t", [0.1, 10.0])
+def test_a_law_that_is_over_at_once_is_no_snap(t):
+    """A thousandth of the time is too short to be followed."""
+    law = "{type: smooth_step, from: 0, to: 1.5, start: 0.05, end: 0.0502}"
+    deck = TURNED.replace("{type: constant_rate, rate: 40}", law)
+    run = hfsim.static(parse_deck(deck), at=t)
+    assert run.final["d.moment"] == pytest.approx(0.75) and not run.statistics["warnings"]
+
+
+def test_many_turns_are_not_followed_and_that_is_told():
+    run = hfsim.static(parse_deck(TURNED.replace("rate: 40", "rate: 4000")), at=0.1)
+    (told,) = run.statistics["warnings"]
+    assert "has turned by 400 rad" in told and run.statistics["steps"] < 10
+
+
+PRESSED = """hfsim: 1
+gravity: [0.0, 0.0]
+bodies:
+  arm: {type: rigid, mass: 0.3, inertia: 0.02, points: {root: [-0.5, 0.0], tip: [0.5, 0.0]}}
+  cart: {type: rigid, mass: 0.3, inertia: 0.002}
+initial: {arm: {position: [0.5, 0.0]}, cart: {position: [1.75, 0.0]}}
+joints:
+  axle: {type: revolute, between: [ground, arm.root]}
+  lead: {type: motion, between: [ground, cart], x: {type: smooth_step, from: 1.75, to: 1.5, start: 0, end: 1}}
+springs:
+  coil: {type: rotational, between: [ground, arm], stiffness: 5.0}
+  link: {type: two_point, between: [arm.tip, cart], stiffness: 200.0, rest_length: 0.75}
+solve: {duration: 3.0}
+output: {channels: [arm.angle]}
+"""
+
+
+def test_what_its_joints_press_over_an_edge_rests_beside_it_and_loads_are_not_blamed():
+    from scipy.optimize import brentq
+
+    def moment(angle):
+        far = np.hypot(1.5 - np.cos(angle), np.sin(angle))
+        return 5.0 * angle + 200.0 * (far - 0.75) * 1.5 * np.sin(angle) / far
+
+    run = hfsim.static(parse_deck(PRESSED), at=1.0)
+    assert run.statistics["stable"]
+    assert abs(run.final["arm.angle"]) == pytest.approx(brentq(moment, 0.1, 1.0), rel=1e-9)
+    assert not any("of the loads" in one for one in run.statistics["warnings"])
+
+
 def test_full_turns_that_are_lost_where_a_scene_is_let_down_are_warned_of():
     deck = yaml.safe_load(TURNED)
     deck["gravity"] = [0.0, -9.81]

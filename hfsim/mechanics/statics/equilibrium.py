@@ -56,6 +56,8 @@ class Equilibrium:
         Whether loads that are put on from a rest without them are known to lead to another place of rest.
     complete : bool or None
         Whether no smaller stiffness is missing; None where that is not known.
+    led : bool
+        Whether joints went along their laws on the way, with all full turns.
     """
 
     state: State
@@ -71,6 +73,7 @@ class Equilibrium:
     crossed: float | None = None
     others: bool = False
     complete: bool | None = True
+    led: bool = True
 
     @property
     def stable(self) -> bool:
@@ -218,5 +221,6 @@ class Search:
             values, motions = values[kept], motions[kept]
         crossed = None if relaxed_ and limit is None else self._signs.crossed
         args = state, 1.0, values, motions, free, relaxed_, limit, self.effort
-        return Equilibrium(*args, crossed=crossed, complete=complete)
+        led = self.problem.way.followed and not relaxed_
+        return Equilibrium(*args, crossed=crossed, complete=complete, led=led)
 

@@ -128,7 +128,7 @@ def stepped(
     while share < 1.0 and step > SHORTEST:
         to = share + step if 1.0 - share - step > SHORTEST else 1.0
         step, level = to - share, levels(to)
-        if problem.turned(levels(share), level) > MOVE:
+        if problem.way.turned(levels(share).rest, level.rest) > MOVE:
             step *= 0.5
             continue
         try:

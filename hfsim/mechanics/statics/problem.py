@@ -16,6 +16,7 @@ from hfsim.maths.matrices import Entries, Matrix, assemble, factorised, is_spars
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.small_motions import resistance
 from hfsim.mechanics.statics.gauge import Gauge, resisting
+from hfsim.mechanics.statics.way import Way
 from hfsim.mechanics.system import System
 from hfsim.mechanics.turning import Turning
 
@@ -270,8 +271,13 @@ class Problem:
 
     @property
     def thrown(self) -> bool:
-        """Whether anything is out of balance at the start without the loads."""
-        return any(one.any() for one in self._held)
+        """Whether anything is out of balance at the start without the loads, or moved by laws of time."""
+        return any(one.any() for one in self._held) or self.way.moves
+
+    @cached_property
+    def way(self) -> Way:
+        """That of the joints."""
+        return Way.of(self.system, self.t)
 
     @cached_property
     def _held(self) -> tuple[Array, Array]:
@@ -288,19 +294,6 @@ class Problem:
         """Return the forces (1, n) that are missing in a state with its expected strains."""
         return replace(self, forces=self._with_strains(state.expected)).missing(state, level)[0]
 
-    def led(self, level: Level) -> Array:
-        """Return the time until which laws have led the joints, (1,) [s].
-
-        Redundant equations are of the end of that time: where laws are among them, all are.
-        """
-        return self.t if any(c.driven for c in self.system.redundant) else (1.0 - level.rest) * self.t
-
-    def turned(self, begin: Level, end: Level) -> float:
-        """Return by how much laws turn joints between two levels at most [rad], full turns among them."""
-        rows = [c for c in self.system.equations.phi.constraints if c.driven and c.wraps]
-        times = np.concatenate([self.led(begin), self.led(end)])
-        return max((float(abs(np.diff(c.target(times))[0])) for c in rows), default=0.0)
-
     def _missing(self, z: Array, multipliers: Array, level: Level) -> tuple[Array, Array]:
         """Return both in states (n_batch, n), without auxiliary forces."""
         x, equations = self.expand(z), self.system.equations
@@ -311,7 +304,7 @@ class Problem:
             pull = np.asarray(multipliers @ equations.phi.jacobian_at(x))
         else:
             pull = (multipliers[:, None] @ equations.phi.jacobians(x))[:, 0]
-        gap = equations.phi.residual(np.repeat(self.led(level), len(z)), x)
+        gap = equations.phi.residual(np.repeat(self.way.time(level.rest), len(z)), x)
         return force - self.system.reduction.free_force(pull), gap
 
     # ------------------------------------------------------------------ derivatives
