@@ -172,7 +172,7 @@ class Recording:
             with disk(self.path):
                 if not (cut_off or run.status in _RESUMABLE):
                     (self.path / CHECKPOINT).unlink(missing_ok=True)
-                summary = self._summarise(run, files, {"exit_code": None} if full and self._memory else {})
+                summary = self._summarise(run, files, {"exit_code": None} if full else {})
                 self._log.end(summary)
         finally:
             self._release()
