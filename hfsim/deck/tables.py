@@ -19,7 +19,7 @@ MOST_POINTS = 20_000
 _MOST_TOLD = 20
 """Problems of a table that are told."""
 _DELIMITERS = ",;\t"
-_QUOTED = re.compile("""["][^"]*"|'[^']*'""")
+_QUOTED = r"""\"(?:[^"]|"")*"|'[^']*'"""
 
 
 class _Cell(NamedTuple):
@@ -131,7 +131,7 @@ def _rows(file: Text) -> Iterator[list[_Cell]]:
     for number, line in enumerate(file.text.splitlines(), start=1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
-        delimiter = delimiter or next((one for one in _DELIMITERS if one in _QUOTED.sub("", line)), ",")
+        delimiter = delimiter or next((one for one in _DELIMITERS if one in re.sub(_QUOTED, "", line)), ",")
         row = []
         for found in _cell_pattern(delimiter).finditer(line):
             piece, start = found[1], found.start(1)
@@ -145,7 +145,7 @@ def _rows(file: Text) -> Iterator[list[_Cell]]:
 def _cell_pattern(delimiter: str) -> re.Pattern[str]:
     """Return what finds the cells of a line; a delimiter in quotes that are a whole cell's is none."""
     blank = rf"[^\S{delimiter}]*"
-    quoted = rf"""{blank}(?:"(?:[^"]|"")*"|'[^']*'){blank}"""
+    quoted = f"{blank}(?:{_QUOTED}){blank}"
     return re.compile(rf"(?:^|{delimiter})({quoted}|[^{delimiter}]*)(?={delimiter}|$)")
 
 

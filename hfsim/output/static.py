@@ -20,11 +20,11 @@ def tell(
 ) -> None:
     """Print an equilibrium, and what the user should be warned of, save what was told before."""
     tell_doubts(run, summary, talk, told)
-    if run.status == "done" and run.reason:
-        print_error(f"{run.name}: {run.reason}")
     if run.status != "done":
         print_error(f"{run.name}: no equilibrium: {run.reason}")
         print_error(findings(run.failure or {}))
+    elif run.reason:
+        print_error(f"{run.name}: {run.reason}")
     talk.facts(summary)
     talk.result(f"{run.name}: {_headline(run, summary)}\n{as_text(run, summary, folder)}")
 

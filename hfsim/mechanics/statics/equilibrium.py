@@ -162,7 +162,7 @@ class Search:
         stable rest is found downhill, that is what there is.
         """
         at_start, at_rest = self._holds()
-        if at_start and at_rest:
+        if at_rest:
             return found
         search = Search(self.problem, self.rigid, self.effort)
         below = search._downhill(self.problem.begin(), 0.0, stays=not at_start)
@@ -172,12 +172,15 @@ class Search:
         return found
 
     def _holds(self) -> tuple[bool, bool]:
-        """Return whether the scene holds without the loads at its start, and where it comes to from there."""
+        """Return whether it holds without the loads at its start, and if so where that lets go to too."""
         with self.problem.apart() as problem:
-            start = problem.begin()
-            rest = stepped(problem, Effort(), let_go)[1] if problem.thrown else start
-            at_start, at_rest = (bool((lowest(problem, one, 0.0)[0] >= 0.0).all()) for one in (start, rest))
-            return at_start, at_rest
+
+            def holds(state: State) -> bool:
+                return bool((lowest(problem, state, 0.0)[0] >= 0.0).all())
+
+            at_start = holds(problem.begin())
+            stays = at_start and not problem.thrown
+            return at_start, stays or (at_start and holds(stepped(problem, Effort(), let_go)[1]))
 
     def _neutral(self, state: State, load: float) -> Array:
         return neutral(self.problem, state, load, self.rigid(self.problem.expand(state.z)))

@@ -61,7 +61,7 @@ class Way:
         ends = np.concatenate([self.time(1.0), self.t])
         return any(np.diff(c.target(ends)).any() for c in self.driven)
 
-    @property
+    @cached_property
     def _turning(self) -> list[Constraint]:
         """Those by which joints are turned, without counting turns."""
         return [c for c in self.driven if c.wraps]
@@ -72,5 +72,7 @@ class Way:
 
     def turned(self, begin: float, end: float) -> float:
         """Return by how much joints turn at most between two such shares [rad], full turns among it."""
+        if not self._turning:
+            return 0.0
         times = np.concatenate([self.time(begin), self.time(end)])
-        return max((float(abs(np.diff(c.target(times))[0])) for c in self._turning), default=0.0)
+        return max(float(abs(np.diff(c.target(times))[0])) for c in self._turning)
