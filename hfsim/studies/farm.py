@@ -26,6 +26,8 @@ from hfsim.errors import HfsimError
 
 _GRACE = 2.0
 """Time a worker gets beyond its limit to end by itself [s]; then it is ended."""
+_LISTEN = 1.0
+"""Longest wait for workers [s]: a signal that comes just before a wait does not end it."""
 _AHEAD = 2
 """Jobs that are kept ready for each worker, of those that are made as they are needed."""
 
@@ -252,7 +254,7 @@ class Farm(Executor):
         busy = [worker for worker in self._workers if worker.task is not None]
         soonest = min([self.end, *(worker.end for worker in busy)])
         ready = multiprocessing.connection.wait(
-            [worker.pipe for worker in busy], min(max(soonest - now, 0.0), 1e6)
+            [worker.pipe for worker in busy], min(max(soonest - now, 0.0), _LISTEN)
         )
         for worker in busy:
             if worker.pipe in ready:

@@ -8,6 +8,7 @@ import sys
 import time
 from dataclasses import replace
 from itertools import combinations
+from multiprocessing import connection
 from pathlib import Path
 
 import click
@@ -153,6 +154,29 @@ def test_no_worker_outlives_its_study(tmp_path, number):
         for worker in workers:
             os.kill(worker, signal.SIGKILL)
         pytest.fail("workers are left")
+
+
+def test_a_signal_just_before_the_wait_for_workers_ends_a_study(monkeypatch):
+    wait = connection.wait
+
+    def heedless(pipes, timeout):
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        os.kill(os.getpid(), signal.SIGINT)
+        try:
+            return wait(pipes, timeout)
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+
+    monkeypatch.setattr(connection, "wait", heedless)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    start = time.perf_counter()
+    try:
+        farm = Farm(1)
+        farm.add(Task(0, sleep, 20.0))
+        farm.serve(print)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert farm.interrupted and time.perf_counter() - start < 10.0
 
 
 # --- axes ----------------------------------------------------------------------------------------
