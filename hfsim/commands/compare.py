@@ -201,7 +201,8 @@ def _exit_code(comparison: Comparison, require: Sequence[str]) -> int:
     missed = [model for model in require if not comparison.result(model).adequate]
     for model in missed:
         print_error(f"error: {model} was required and missed the bound")
-    return 4 if missed else 0
+    lost = max(run.exit_code for run in comparison.runs.values() if run.status == "done")
+    return lost or (4 if missed else 0)
 
 
 def save_model(plan: Plan, wipe: Callable[[], None], model: str, run: Run) -> Run:

@@ -175,6 +175,15 @@ def test_what_a_full_disk_has_cost_after_the_end_is_made_by_going_on(here, monke
     assert summary()["exit_code"] == 0 and not summary()["reason"] and (here / "out/pendulum.pvd").exists()
 
 
+def test_a_comparison_ends_as_its_runs_do_on_a_full_disk(here, monkeypatch):
+    def refuse(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("hfsim.output.extras._pictures", refuse)
+    cut = call("compare", "rigid", "linear", "--case", "pendulum", "--set", "solve.duration=0.1", "-o", "out")
+    assert cut.exit_code == 1 and "No space left" in cut.stderr
+
+
 def test_a_page_that_the_disk_refuses_is_told_in_the_summary(here, monkeypatch):
     def refuse(*_):
         raise OSError(28, "No space left on device")
