@@ -1,4 +1,4 @@
-"""The equations solved node by node where many joints act: what is left at the joints has sparse matrices.
+"""The equations solved node by node where many joints act: what is left at the joints is sparse.
 
 Forces on the axes of a node move no other node, so that the matrix from multipliers of joints to the gaps
 that they close has entries only where joints act on the same node: it is far smaller than the whole matrix.
@@ -6,25 +6,62 @@ that they close has entries only where joints act on the same node: it is far sm
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, IntArray, slices
+from hfsim.maths.arrays import Array, IntArray, distinct, slices
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import AT_ONCE, Entries, Matrix, SamePlaces, factorised
-from hfsim.maths.traced import aside
+from hfsim.maths.matrices import AT_ONCE, Entries, Matrix
+from hfsim.maths.scattered import ScatteredSums, SymmetricSums
 from hfsim.mechanics.axes_rows import AxesAt
 from hfsim.mechanics.node_solution import NodeSolution
 
 
+class _Moved(NamedTuple):
+    """What as many rows of joints act on each, of one kind: nodes, or other free coordinates.
+
+    Attributes
+    ----------
+    kind : int
+        Of the nodes; their number for other coordinates.
+    own : ndarray of int, shape (m,)
+        Which nodes.
+    columns : ndarray of int, shape (m, k)
+        Free coordinates.
+    rows : ndarray of int, shape (m, n_acting)
+        Rows of joints that act on them.
+    span : slice
+        Of the derivatives of these rows, (m, n_acting, k), among those of all.
+    """
+
+    kind: int
+    own: IntArray
+    columns: IntArray
+    rows: IntArray
+    span: slice
+
+
 class _Joined(NamedTuple):
-    """A batch of states: its nodes, the derivatives of the joints' rows, and what multipliers close gaps."""
+    """A batch of states: its nodes, and for all that is moved, part by part, what joints do to it.
+
+    Attributes
+    ----------
+    jacobians : list of ndarray, shapes (n_batch, m, n_acting, k)
+    moved : list of ndarray, shapes (n_batch, m, k, n_acting)
+        Accelerations by unit multipliers of joints.
+    by_nodes : list of ndarray, shapes (n_batch, m, n_rows, n_acting)
+        Multipliers of the nodes by these.
+    closing : callable
+        From gaps (n_batch, n_joint_rows) to the multipliers that close them.
+    """
 
     at: Sequence[AxesAt]
-    jacobian: Matrix
+    jacobians: list[Array]
+    moved: list[Array]
+    by_nodes: list[Array]
     closing: Callable[[Array], Array]
 
 
@@ -36,12 +73,12 @@ class NodeJoints:
     ----------
     by_nodes : NodeSolution
         Nodes and joints.
-    mass : sparse array, shape (n, n)
-        Of the free coordinates, with ballast.
+    mass : ndarray, shape (n,)
+        Of the free coordinates, each taken alone, with ballast.
     """
 
     by_nodes: NodeSolution
-    mass: Matrix
+    mass: Array
 
     @classmethod
     def of(cls, by_nodes: NodeSolution, whole_mass: Matrix) -> NodeJoints | None:
@@ -53,9 +90,10 @@ class NodeJoints:
             return None
         from scipy.sparse import csr_array
 
-        found, others = cls(by_nodes, csr_array(whole_mass)), csr_array(whole_mass, copy=True)
+        others = csr_array(whole_mass, copy=True)
+        found = cls(by_nodes, others.diagonal())
         others.setdiag(0.0)
-        coupled = np.asarray(abs(others).sum(axis=1)).ravel()[found._others].any()
+        coupled = np.asarray(abs(others).sum(axis=1)).ravel()[found._kinds[-1]].any()
         return None if coupled or by_nodes.slender else found
 
     def _entries(self, x: Array) -> Entries:
@@ -63,68 +101,107 @@ class NodeJoints:
         return self.by_nodes.reduction.free_entries(self.by_nodes.joints.entries(x))
 
     @cached_property
-    def _places(self) -> SamePlaces:
-        found, size = self._at_zero, (len(self.by_nodes.rows), self.mass.shape[0])
-        return SamePlaces(found.rows, found.columns, size)
-
-    @cached_property
     def _at_zero(self) -> Entries:
         return self._entries(np.zeros((1, len(self.by_nodes.reduction.offset))))
 
     @cached_property
-    def _touched(self) -> list[IntArray]:
-        """Nodes of each kind on which joints act."""
-        columns = self._at_zero.columns
-        return [np.flatnonzero(np.isin(kind.free, columns).any(axis=1)) for kind in self.by_nodes.nodes]
+    def _kinds(self) -> list[IntArray]:
+        """Free coordinates of the nodes of each kind, and what else joints act on, (n_nodes, k) each."""
+        nodes = [kind.free for kind in self.by_nodes.nodes]
+        others = np.setdiff1d(self._at_zero.columns, np.concatenate([one.ravel() for one in nodes]))
+        return [*nodes, others[:, None]]
 
     @cached_property
-    def _others(self) -> IntArray:
-        """Free coordinates on which joints act, but for axes of nodes."""
-        axes = [kind.free.ravel() for kind in self.by_nodes.nodes]
-        return np.setdiff1d(self._at_zero.columns, np.concatenate(axes))
+    def _parts(self) -> tuple[tuple[_Moved, ...], ScatteredSums]:
+        """All that joints move, and how the entries make the derivatives by it."""
+        found, places, end = list[_Moved](), np.empty(len(self._at_zero.rows), dtype=np.intp), 0
+        for kind, free in enumerate(self._kinds):
+            for part, entries, own in self._acted_on(kind, free):
+                size = part.rows.size * free.shape[1]
+                places[entries] = end + own
+                found.append(part._replace(span=slice(end, end + size)))
+                end += size
+        return tuple(found), ScatteredSums(places, end)
+
+    def _acted_on(self, kind: int, free: IntArray) -> Iterator[tuple[_Moved, IntArray, IntArray]]:
+        """Yield nodes of a kind with as many rows each, their entries, and where in the block these are."""
+        rows, columns, _ = self._at_zero
+        n_rows, (node, place) = len(self.by_nodes.rows), np.full((2, len(self.mass)), -1)
+        node[free], place[free] = np.indices(free.shape)
+        entries = np.flatnonzero(node[columns] >= 0)
+        acting = node[columns[entries]] * n_rows + rows[entries]
+        pairs = distinct(acting)
+        counts = np.bincount(pairs // n_rows, minlength=len(free))
+        for count in distinct(counts[counts > 0]):
+            mine = counts[pairs // n_rows] == count
+            own, some = np.flatnonzero(counts == count), np.isin(acting, pairs[mine])
+            part = _Moved(kind, own, free[own], (pairs[mine] % n_rows).reshape(-1, count), slice(0))
+            number = np.searchsorted(pairs[mine], acting[some])
+            yield part, entries[some], number * free.shape[1] + place[columns[entries[some]]]
 
     @cached_property
-    def _unbound(self) -> tuple[list[Array], Array]:
-        """What unit forces accelerate without the nodes' equations: axes of touched nodes, and the others."""
+    def _sums(self) -> SymmetricSums:
+        """Of what parts that are moved contribute to the matrix of the joints."""
+        pairs = [np.broadcast_arrays(part.rows[:, :, None], part.rows[:, None]) for part in self._parts[0]]
+        i, j = (np.concatenate([one[k].ravel() for one in pairs]) for k in (0, 1))
+        return SymmetricSums.of(i, j, len(self.by_nodes.rows))
+
+    @cached_property
+    def _alone(self) -> list[Array]:
+        """Inverse masses, (m, k, k), by which parts are moved without the nodes' equations."""
         found = list[Array]()
-        for kind, touched in zip(self.by_nodes.nodes, self._touched, strict=True):
-            k = kind.mass.shape[1]
-            inverse = np.linalg.inv(kind.mass + kind.ballast[:, None, None] * np.eye(k))[touched]
-            whole = inverse[:, :, None, :, None] * np.eye(kind.n_dim)[:, None]
-            found.append(whole.reshape(1, len(touched), k * kind.n_dim, -1))
-        return found, np.asarray(1.0 / self.mass.diagonal()[None, self._others])
-
-    @cached_property
-    def _mobile(self) -> SamePlaces:
-        """Places of mobilities, (n, n)."""
-        n, others = self.mass.shape[0], self._others
-        axes = [kind.free[own] for kind, own in zip(self.by_nodes.nodes, self._touched, strict=True)]
-        parts = [Entries.of_block(one, one, np.zeros((*one.shape, one.shape[1]))) for one in axes]
-        rows, columns, _ = Entries.joined([*parts, Entries(others, others, np.zeros(len(others)))])
-        return SamePlaces(rows, columns, (n, n))
-
-    def _mobility(self, at: Sequence[AxesAt]) -> Matrix:
-        """Return what unit forces accelerate where the nodes' equations hold, state after state."""
-        (axes, others), parts = self._unbound, list[Array]()
-        for own, unbound, touched in zip(at, axes, self._touched, strict=True):
-            nothing = np.zeros((1, 1, own.inverse.shape[-1], 1))
-            held = own.of(touched).held(unbound, nothing)[0]
-            parts.append(held.reshape(len(held), -1))
-        parts.append(np.broadcast_to(others, (len(parts[0]), others.shape[1])))
-        return self._mobile.of(np.concatenate(parts, axis=1))
+        for kind, own, columns, *_ in self._parts[0]:
+            if kind == len(self.by_nodes.nodes):
+                found.append(1.0 / self.mass[columns][..., None])
+                continue
+            nodes = self.by_nodes.nodes[kind]
+            mass = nodes.mass[own] + nodes.ballast[own, None, None] * np.eye(nodes.mass.shape[1])
+            whole = np.linalg.inv(mass)[:, :, None, :, None] * np.eye(nodes.n_dim)[:, None]
+            found.append(whole.reshape(len(own), columns.shape[1], -1))
+        return found
 
     def _joined(self, x: Array) -> _Joined:
         """Return what solutions in states (n_batch, n_x) need."""
-        at, J = [kind.at(x) for kind in self.by_nodes.nodes], self._places.of(self._entries(x).values)
-        return _Joined(at, J, factorised(J @ self._mobility(at) @ J.T))
+        at, (parts, sums) = [kind.at(x) for kind in self.by_nodes.nodes], self._parts
+        every = sums.of(self._entries(x).values)
+        jacobians, movements, multipliers, pairs = list[Array](), list[Array](), list[Array](), list[Array]()
+        for part, alone in zip(parts, self._alone, strict=True):
+            J = every[:, part.span].reshape(len(x), *part.rows.shape, -1)
+            moved: Array = alone @ J.swapaxes(-1, -2)
+            by_nodes = moved[..., :0, :]
+            if part.kind < len(at):
+                own = at[part.kind].of(part.own)
+                moved, by_nodes = own.held(moved, np.zeros((1, 1, own.inverse.shape[-1], 1)))
+            jacobians.append(J)
+            movements.append(moved)
+            multipliers.append(by_nodes)
+            pairs.append((J @ moved).reshape(len(x), -1))
+        closing = self._sums.factorised(np.concatenate(pairs, axis=1))
+        return _Joined(at, jacobians, movements, multipliers, closing)
+
+    @cached_property
+    def _opening(self) -> ScatteredSums:
+        """What opens the rows of the joints, part by part."""
+        rows = [part.rows.ravel() for part in self._parts[0]]
+        return ScatteredSums(np.concatenate(rows), len(self.by_nodes.rows))
+
+    def _opened(self, joined: _Joined, a: Array) -> Array:
+        """Return what accelerations (n_batch, n) open the joints by, (n_batch, n_joint_rows)."""
+        pairs = zip(self._parts[0], joined.jacobians, strict=True)
+        opened = [(J @ a[:, part.columns][..., None]).reshape(len(a), -1) for part, J in pairs]
+        return self._opening.of(np.concatenate(opened, axis=1))
 
     def _solved(self, joined: _Joined, f: Array, gamma: Array) -> tuple[Array, Array]:
-        (at, J, closing), rows, nodes = joined, self.by_nodes.rows, self.by_nodes
+        at, nodes = joined.at, self.by_nodes
         a, multipliers = nodes.without_joints(at, f, gamma)
-        found = closing(J @ a.ravel() - gamma[:, rows].ravel())
-        pushed, more = nodes.without_joints(at, -(J.T @ found).reshape(f.shape), np.zeros_like(gamma))
-        multipliers[:, rows], more[:, rows] = 0.0, found.reshape(len(f), -1)
-        return a + pushed, multipliers + more
+        found = joined.closing(self._opened(joined, a) - gamma[:, nodes.rows])
+        multipliers[:, nodes.rows] = found
+        for part, moved, by_nodes in zip(self._parts[0], joined.moved, joined.by_nodes, strict=True):
+            acting = found[:, part.rows][..., None]
+            a[:, part.columns] -= (moved @ acting)[..., 0]
+            if part.kind < len(at):
+                multipliers[:, nodes.nodes[part.kind].rows[part.own]] -= (by_nodes @ acting)[..., 0]
+        return a, multipliers
 
     def solve(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
         """Return accelerations (n_batch, n) and multipliers (n_batch, n_rows) for forces f (n_batch, n).
@@ -134,7 +211,10 @@ class NodeJoints:
         numpy.linalg.LinAlgError
             If the equations of the joints are singular.
         """
-        return self._written(self._write_solution, x, f, gamma)
+        return self._in_turn(self._found, x, f, gamma)
+
+    def _found(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
+        return self._solved(self._joined(x), f, gamma)
 
     def at(self, x: Array) -> Callable[[Array, Array], tuple[Array, Array]]:
         """Return what does so in states (n_batch, n_x), for several forces and gammas."""
@@ -142,22 +222,20 @@ class NodeJoints:
 
     def missing(self, x: Array, f: Array, gamma: Array, a: Array) -> tuple[Array, Array]:
         """Return what accelerations a (n_batch, n) miss of the solution, and what the rows miss."""
-        return self._written(self._write_missing, x, f, gamma, a)
+        return self._in_turn(self._missing, x, f, gamma, a)
 
-    def _written(self, write: Callable[..., None], x: Array, f: Array, *others: Array) -> tuple[Array, Array]:
-        """Have results written by as many states at a time as suits; on a tape by a call of Python."""
-        n, size = f.shape[1], f.shape[1] + others[0].shape[1]
-        found = np.zeros((len(f), size))
-        for some in slices(len(f), AT_ONCE // size):
-            aside(write, x[some], f[some], *(one[some] for one in others), found[some])
-        return found[:, :n], found[:, n:]
-
-    def _write_solution(self, x: Array, f: Array, gamma: Array, found: Array) -> None:
-        found[:] = np.concatenate(self._solved(self._joined(x), f, gamma), axis=1)
-
-    def _write_missing(self, x: Array, f: Array, gamma: Array, a: Array, found: Array) -> None:
-        joined, (n, rows) = self._joined(x), (f.shape[1], self.by_nodes.rows)
+    def _missing(self, x: Array, f: Array, gamma: Array, a: Array) -> tuple[Array, Array]:
+        joined, gaps = self._joined(x), np.empty_like(gamma)
         missing = self._solved(joined, f, gamma)[0] - a
-        found[:, :n], gaps = missing, found[:, n:]
         self.by_nodes.open_nodes(joined.at, missing, gaps)
-        gaps[:, rows] = (joined.jacobian @ missing.ravel()).reshape(len(f), -1)
+        gaps[:, self.by_nodes.rows] = self._opened(joined, missing)
+        return missing, gaps
+
+    def _in_turn(
+        self, solve: Callable[..., tuple[Array, Array]], x: Array, f: Array, *others: Array
+    ) -> tuple[Array, Array]:
+        """Return results for as many states at a time as memory should hold."""
+        turns = slices(len(f), AT_ONCE // (f.shape[1] + others[0].shape[1]))
+        found = [solve(x[some], f[some], *(one[some] for one in others)) for some in turns]
+        first, second = (list(part) for part in zip(*found, strict=True))
+        return np.concatenate(first), np.concatenate(second)

@@ -164,17 +164,47 @@ def test_slender_and_flat_bodies_cost_no_more_steps_than_others():
     assert x == pytest.approx(near, abs=1e-6)
 
 
-def test_joints_with_many_coordinates_are_solved_with_sparse_matrices():
-    bodies, joints, last = [], [], "ground"
-    for k in range(40):
-        bodies.append(
-            f"  b{k}: {{type: rigid, mass: 1.0, inertia: [0.02, 0.09, 0.1],"
-            " points: {a: [-0.5, 0, 0], b: [0.5, 0, 0]}}"
-        )
-        joints.append(f"  j{k}: {{type: spherical, between: [{last}, b{k}.a]}}")
-        last = f"b{k}.b"
-    text = "\n".join([HEAD, "bodies:", *bodies, "joints:", *joints, "solve: {duration: 1.0}"])
-    assert isinstance(build(parse_deck(text)).system.equations.by_nodes(1), NodeJoints)
+def links(parents, ring=()):
+    """The deck of rigid bodies, some flat, each on a ball of another or of the ground; others close loops."""
+    points = "{a: [-0.5, 0, 0], b: [0.5, 0, 0], c: [0.3, 0.2, 0.1]}"
+    bodies, joints = [], []
+    for k, parent in enumerate(parents):
+        inertia = f"[0.02, 0.09, {0.11 if k % 5 == 3 else 0.1}]"
+        bodies.append(f"  b{k}: {{type: rigid, mass: 1.0, inertia: {inertia}, points: {points}}}")
+        end = "ground" if parent < 0 else f"b{parent}.b"
+        joints.append(f"  j{k}: {{type: spherical, between: [{end}, b{k}.a]}}")
+    axes = "axes: [[0, 1, 0], [0, 0, 1]]"
+    joints += [f"  r{k}: {{type: universal, between: [b{k}.c, b{j}.c], {axes}}}" for k, j in ring]
+    return "\n".join([HEAD, "bodies:", *bodies, "joints:", *joints, "solve: {duration: 1.0}"])
+
+
+def check_solved(equations, x, rng):
+    """Hold accelerations, multipliers and what accelerations miss against the whole matrix, dense."""
+    assert isinstance(equations.by_nodes(len(x)), NodeJoints)
+    f, gamma = (rng.normal(size=(len(x), count)) for count in (equations.n, equations.n_rows))
+    a, multipliers = equations.constrained(x, f, gamma)
+    matrix, Phi = whole(equations, x)
+    right = np.linalg.solve(matrix, np.concatenate([f, gamma], axis=1)[..., None])[..., 0]
+    size = np.abs(a).max()
+    assert a == pytest.approx(right[:, : equations.n], abs=1e-10 * size)
+    assert multipliers == pytest.approx(right[:, equations.n :], abs=1e-9 * np.abs(multipliers).max())
+    missing, gaps = equations.by_nodes(len(x)).missing(x, f, gamma, 0.5 * a)
+    assert missing == pytest.approx(0.5 * a, abs=1e-10 * size)
+    assert gaps == pytest.approx(0.5 * (Phi @ a[..., None])[..., 0], abs=1e-9 * size)
+
+
+LINKED = {
+    "chain": (range(-1, 40), ()),
+    "fan": ([-1, *[0] * 40], ()),
+    "tree": ([(k - 1) // 2 for k in range(63)], ()),
+    "loops": (range(-1, 40), ((3, 5), (10, 30))),
+}
+
+
+@pytest.mark.parametrize("kind", LINKED)
+def test_joints_with_many_coordinates_are_solved_with_matrices_of_few_entries(kind, rng):
+    scene = build(parse_deck(links(*LINKED[kind])))
+    check_solved(scene.system.equations, states(scene, rng), rng)
 
 
 def frame(joint, beams=16):
@@ -195,14 +225,7 @@ def many(request):
 
 
 def test_many_joints_are_solved_with_matrices_of_theirs_alone(many, rng):
-    equations = many.system.equations
-    assert isinstance(equations.by_nodes(3), NodeJoints)
-    x = states(many, rng)
-    f, gamma = (rng.normal(size=(len(x), count)) for count in (equations.n, equations.n_rows))
-    a, multipliers = equations.constrained(x, f, gamma)
-    right = np.linalg.solve(whole(equations, x)[0], np.concatenate([f, gamma], axis=1)[..., None])[..., 0]
-    assert a == pytest.approx(right[:, : equations.n], abs=1e-10 * np.abs(a).max())
-    assert multipliers == pytest.approx(right[:, equations.n :], abs=1e-9 * np.abs(multipliers).max())
+    check_solved(many.system.equations, states(many, rng), rng)
 
 
 def test_many_equations_with_axes_across_sections_are_those_one_by_one(many, rng, monkeypatch):
