@@ -173,7 +173,7 @@ class Cluster(Executor):
         distributed, under_way = _distributed(), dict[str, tuple[Any, Task]]()
         pool = distributed.as_completed()
         try:
-            while time.perf_counter() < self.end:
+            while self.goes_on():
                 while len(under_way) < 2 * self._count() and (task := self._next()) is not None:
                     future = self._submit(task)
                     under_way[future.key] = future, task

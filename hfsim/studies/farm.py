@@ -23,6 +23,7 @@ from types import FrameType, ModuleType
 from typing import Any, ClassVar
 
 from hfsim.errors import HfsimError
+from hfsim.marching.stop import SHIELD
 
 _GRACE = 2.0
 """Time a worker gets beyond its limit to end by itself [s]; then it is ended."""
@@ -164,6 +165,11 @@ class Executor(ABC):
         """The deadline, if it counts."""
         return float("inf") if self.patient else self.deadline
 
+    def goes_on(self) -> bool:
+        """Tell whether there is time left; raise an interruption that nobody has heeded."""
+        SHIELD.heed()
+        return time.perf_counter() < self.end
+
     @property
     def why_unreached(self) -> str:
         """Why there are any."""
@@ -192,7 +198,7 @@ class Here(Executor):
 
     def outcomes(self) -> Generator[Outcome, None, None]:
         """Serve the queue; see `Executor.outcomes`. What a job raises is raised."""
-        while time.perf_counter() < self.end and (task := self._next()) is not None:
+        while self.goes_on() and (task := self._next()) is not None:
             yield Outcome(task.key, task.function(task.argument))
 
 
@@ -214,7 +220,7 @@ class Farm(Executor):
     def outcomes(self) -> Generator[Outcome, None, None]:
         """Serve the queue; see `Executor.outcomes`."""
         try:
-            while time.perf_counter() < self.end:
+            while self.goes_on():
                 self._hand_out()
                 if not any(worker.task for worker in self._workers):
                     return
