@@ -204,6 +204,7 @@ def campbell_text(result: Campbell, place: str) -> str:
     if result.unsteady:
         told = f"no steady rotation at {_rates(result.unsteady)} rad/s: neither frequencies nor crossings"
         lines.append(wrapped(told))
+    lines += [wrapped(one) for one in _of_missed(result.missed)]
     for rate, found in zip(result.rates, result.founds, strict=True):
         lines += [wrapped(one) for one in _of_search(found.about, f"at {rate:.6g} rad/s")]
     lines.append(table(names, rows))
@@ -224,6 +225,16 @@ def campbell_text(result: Campbell, place: str) -> str:
     if len(facts["unstable"]) > _MOST_TOLD:
         lines.append(f"  and {len(facts['unstable']) - _MOST_TOLD} more, see campbell.csv")
     return "\n".join([*lines, f"  results: {place}"] if place else lines)
+
+
+def _of_missed(missed: dict[float, str]) -> Iterator[str]:
+    """Yield at which rates no modes were found, and what may be unknown for it."""
+    if missed:
+        why = next(iter(missed.values()))
+        yield (
+            f"left out, as no steady rotation was found there: {_rates(list(missed))} rad/s ({why}); between "
+            "the rates beside these what is critical, excited or grows may be missing or told less exactly"
+        )
 
 
 def _of_guesses(guessed: Sequence[dict[str, Any]]) -> Iterator[str]:

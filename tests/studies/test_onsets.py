@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 import hfsim
+from hfsim.output.modes import campbell_text
 from hfsim.scene.loading import parse_deck
+from hfsim.studies.modes import following
+from hfsim.studies.modes.about import turning_at
+from hfsim.studies.modes.state import ModesError
 
 SLOT = """hfsim: 1
 name: slot
@@ -136,6 +140,59 @@ def test_a_disc_that_goes_away_only_between_two_rates_is_told(outer):
     assert [one.rate for one in found.onsets] == pytest.approx(expected, rel=1e-4)
     assert [one.above for one in found.onsets] == [True, False]
     assert [one.rate for one in found.crossings if not one.order] == [one.rate for one in found.onsets]
+    assert found.unstable_ranges == [tuple(one.rate for one in found.onsets)]
+
+
+def test_rates_at_which_something_grows_are_shaded(monkeypatch, tmp_path):
+    """With unlike springs from sqrt(500) to sqrt(750), through the rate asked for between them."""
+    from hfsim.output.plots import campbell as pictures
+
+    drawn = {}
+    monkeypatch.setattr(pictures, "save", lambda figures, folder: drawn.update(figures) or [])
+    found = hfsim.campbell(disc(0.0, 0.0, 1500.0), [20.0, 25.0, 30.0], count=4)
+    (shaded,) = found.unstable_ranges
+    assert shaded == pytest.approx(np.sqrt([500.0, 750.0]), rel=1e-3)
+    pictures.draw_campbell(found, tmp_path)
+    (span,) = drawn["campbell"].axes[0].patches
+    assert (span.get_x(), span.get_x() + span.get_width()) == pytest.approx(shaded)
+    assert span.get_label() == "something grows"
+
+
+OFF_CENTRE = """hfsim: 1
+gravity: [0, 0]
+bodies:
+  axle: {type: rigid, mass: 0.1, inertia: 0.01}
+  disc: {type: rigid, mass: 1.0, inertia: 0.02, points: {p: [1.0e-3, 2.0e-3]}}
+joints: {r: {type: revolute, between: [ground, axle]}}
+springs:
+  shaft: {type: bushing, between: [axle, disc.p], stiffness: [9900, 10100], rotational_stiffness: 1.0e5}
+initial: {steady: {body: axle, rate: 10}}
+solve: {duration: 1.0}
+"""
+
+
+@pytest.mark.slow
+def test_a_disc_that_leans_out_far_next_to_its_critical_speed_has_its_diagram():
+    """A rate that the search chose there, at which it found no steady state, ended the diagram."""
+    found = hfsim.campbell(parse_deck(OFF_CENTRE), [90.0, 110.0], count=3)
+    assert found.rates.tolist() == [90.0, 110.0] and all(90.0 < rate < 110.0 for rate in found.missed)
+
+
+@pytest.mark.parametrize("rates", [[20.0, 25.0], [20.0, 22.5, 25.0]], ids=str)
+def test_rates_without_a_steady_state_are_left_out_and_told_once(rates, monkeypatch):
+    def refusing(start, rate):
+        if 22.0 < rate < 23.0:
+            raise ModesError(f"none at {rate:.4g} rad/s")
+        return turning_at(start, rate)
+
+    monkeypatch.setattr(following, "turning_at", refusing)
+    found = hfsim.campbell(disc(0.0, 0.0, 1500.0), rates, count=4)
+    assert found.rates.tolist() == [20.0, 25.0] and 22.5 in found.facts()["missed_rates"]
+    assert [one.above for one in found.onsets] == [True]
+    told = " ".join(campbell_text(found, "").split())
+    assert told.count("left out, as no steady rotation was found there: 22") == 1
+    with pytest.raises(ModesError, match=r"none at 22\.5 rad/s"):
+        hfsim.campbell(disc(0.0, 0.0, 1500.0), [22.5], count=4)
 
 
 FROM_REST = [

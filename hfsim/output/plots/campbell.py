@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 _UNSTABLE = "x"
 _LINES = "0.55"
 """Colour of excitations."""
+_GROWS = "mistyrose"
+"""Colour of rates at which something grows."""
 _ALIKE = 1e-6
 """Relative difference of frequencies up to which one curve stands for several modes."""
 
@@ -77,6 +79,9 @@ def draw_campbell(result: Campbell, folder: Path) -> list[str]:
         )
     low, high = float(rates.min()), float(rates.max())
     top *= 1.06
+    for k, (begin, end) in enumerate(result.unstable_ranges):
+        name = "_" if k else "something grows"  # named once
+        axes.axvspan(begin, end, facecolor=_GROWS, edgecolor="none", zorder=0, label=name)
     _draw_excitations(axes, low, high, top)
     crossed = np.array([(one.rate, one.frequency) for one in result.crossings]).reshape(-1, 2)
     axes.plot(

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise, product
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from itertools import accumulate, pairwise, product
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -82,6 +83,8 @@ class Campbell:
         From slow to fast.
     onsets : tuple of Onset
         Likewise.
+    missed : dict of float to str
+        Rates, asked for or between, that are left out as no steady rotation was found there, and why [rad/s].
     """
 
     founds: tuple[Modes, ...]
@@ -91,12 +94,30 @@ class Campbell:
     guesses: tuple[tuple[int, ...], ...]
     crossings: tuple[Crossing, ...] = ()
     onsets: tuple[Onset, ...] = ()
+    missed: dict[float, str] = field(default_factory=dict)
 
     @property
     def unsteady(self) -> list[float]:
         """Rates at which there is no steady rotation, and no frequencies are those of one [rad/s]."""
         every = zip(self.rates.tolist(), self.founds, strict=True)
         return [rate for rate, found in every if not found.steady]
+
+    @property
+    def unstable_ranges(self) -> list[tuple[float, float]]:
+        """Rates from and to which something grows, by the rates told and the onsets between them [rad/s]."""
+        ranges = list[tuple[float, float]]()
+        for j, k in pairwise(np.argsort(self.rates, kind="stable").tolist()):
+            low, high = float(self.rates[j]), float(self.rates[k])
+            here = [one for one in self.onsets if low <= one.rate < high]
+            number = sum(bool((mode := track[j]) and mode.unstable) for track in self.tracks)
+            numbers = accumulate((1 if one.above else -1 for one in here), initial=number)
+            ends = pairwise((low, *(one.rate for one in here), high))
+            for (begin, end), grow in zip(ends, numbers, strict=True):
+                if grow > 0 and ranges and ranges[-1][1] == begin:
+                    begin = ranges.pop()[0]
+                if grow > 0:
+                    ranges.append((begin, end))
+        return ranges
 
     @property
     def view(self) -> str:
@@ -148,6 +169,7 @@ class Campbell:
             "about": {"state": "steady", "rates": self.rates.tolist()},
             "complete": [found.complete for found in self.founds],
             "unsteady_rates": self.unsteady,
+            "missed_rates": sorted(self.missed),
             "guessed": self.guessed,
             "crossings": [one.facts() for one in self.crossings],
             "onsets": [one.facts() for one in self.onsets],
@@ -180,7 +202,7 @@ def campbell(
     ArgumentError
         If no mode or rate is wanted.
     ModesError
-        If nothing turns, or at some rate no steady rotation is found.
+        If nothing turns, or no steady rotation is found at any rate.
     """
     check_count(count)
     if not len(rates) or not np.isfinite(rates).all():
@@ -189,13 +211,12 @@ def campbell(
     steady = Steady(start, count)
     follow = Followed(steady)
     for k, rate in enumerate(wanted):
-        try:
+        with suppress(ModesError):  # what is missed is told
             follow.reach(rate, start)
-        except ModesError:
-            if rate in rates:
-                raise
-            continue
         progress((k + 1) / len(wanted))
+    rates = [rate for rate in rates if rate not in steady.missed]
+    if not rates:
+        raise ModesError(next(iter(steady.missed.values())))
     walk, at = np.array(follow.rates, dtype=float), range(len(follow.rates))
     senses, guesses = _places(follow.senses, at), _places(follow.guesses, at)
     every = Campbell(tuple(follow.founds), walk, _places(follow.tracks, at), senses, guesses)
@@ -205,7 +226,8 @@ def campbell(
     grown = onsets(every.rates, every.founds, every.tracks, steady)
     critical = [Crossing(one.track, 0, one.rate, 0.0) for one in grown if one.critical]
     crossed = sorted([*crossings, *critical], key=lambda one: one.rate)
-    return replace(every.at(rates), crossings=tuple(crossed), onsets=tuple(grown))
+    found, missed = every.at(rates), dict(sorted(steady.missed.items()))
+    return replace(found, crossings=tuple(crossed), onsets=tuple(grown), missed=missed)
 
 
 def _places(every: Sequence[Sequence[_T]], some: Sequence[int]) -> tuple[tuple[_T, ...], ...]:
@@ -313,7 +335,10 @@ def _located(between: Sequence[_End], number: int, order: int, steady: Steady) -
         middle = (_powered(low, power) * b - _powered(high, power) * a) / (b - a)
         before, rate = rate, _powered(middle, 1.0 / power)
         most = np.inf if order else max(abs(first.value), abs(last.value))
-        found = mode_between(steady.at(rate, first.about), rate, ((low, first), (high, last)), most)
+        modes = steady.maybe_at(rate, first.about)
+        if modes is None:
+            return None
+        found = mode_between(modes, rate, ((low, first), (high, last)), most)
         if found is None:
             break
         if not order and found[0].kind == "divergence":

@@ -49,10 +49,13 @@ class Steady:
         A state that turns about the axis.
     count : int
         Modes followed.
+    missed : dict of float to str
+        Rates [rad/s] at which there are none so far, and why.
     """
 
     start: About
     count: int
+    missed: dict[float, str] = field(default_factory=dict)
     _known: dict[float, Modes] = field(default_factory=dict)
 
     def at(self, rate: float, near: About) -> Modes:
@@ -65,13 +68,26 @@ class Steady:
         ModesError
             If there is no steady rotation next to that.
         """
+        if rate in self.missed:
+            raise ModesError(self.missed[rate])
         if rate not in self._known:
             turning = self.start.turning
             if turning is not None and np.isclose(rate, turning.rate, rtol=_SAME) and self.start.lasting:
                 near = self.start
             seen = replace(near, motions=replace(near.motions, turning=turning))
-            self._known[rate] = modes_of(turning_at(seen, rate), self.count + SPARE)
+            try:
+                self._known[rate] = modes_of(turning_at(seen, rate), self.count + SPARE)
+            except ModesError as error:
+                self.missed[rate] = str(error)
+                raise
         return self._known[rate]
+
+    def maybe_at(self, rate: float, near: About) -> Modes | None:
+        """Return those at a rate that is not asked for; None where there is no steady rotation."""
+        try:
+            return self.at(rate, near)
+        except ModesError:
+            return None
 
     def between(self, low: float, high: float) -> list[tuple[float, Modes]]:
         """Return steady rates between two at which modes are known by now, from slow to fast, and these."""
@@ -137,10 +153,8 @@ class Followed:
 
     def _known(self, rate: float) -> bool:
         """Tell whether there is a steady rotation at a rate."""
-        try:
-            return self.steady.at(rate, self.founds[-1].about).steady
-        except ModesError:
-            return False
+        found = self.steady.maybe_at(rate, self.founds[-1].about)
+        return found is not None and found.steady
 
     def _add(self, rate: float, found: Modes, became: Sequence[_Became], asked: bool) -> None:
         """Take modes at the next rate; those that begin to grow are followed from one that is asked for."""

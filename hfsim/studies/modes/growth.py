@@ -8,7 +8,6 @@ decay, of which two have one shape, cannot be.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain, islice, pairwise
 from typing import Any, TypeAlias
@@ -18,7 +17,6 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.studies.modes.following import ALIKE, Steady, assigned, how_unlike
 from hfsim.studies.modes.found import Mode, Modes
-from hfsim.studies.modes.state import ModesError
 
 _CLOSE, _TRIES = 1e-3, 16
 """Relative width within which growth begins; how often rates are halved at most."""
@@ -103,13 +101,12 @@ def _changes(low: _End, high: _End, steady: Steady, tries: int) -> Iterator[tupl
         return
     rate, mid = 0.5 * (low[0] + high[0]), None
     if tries and high[0] - low[0] > _CLOSE * abs(rate):  # towards none they would never be close
-        with suppress(ModesError):
-            mid = rate, steady.at(rate, low[1].about)
+        mid = steady.maybe_at(rate, low[1].about)
     if mid is None:
         yield low, high
     else:
-        yield from _changes(low, mid, steady, tries - 1)
-        yield from _changes(mid, high, steady, tries - 1)
+        yield from _changes(low, (rate, mid), steady, tries - 1)
+        yield from _changes((rate, mid), high, steady, tries - 1)
 
 
 def _changed(low: Modes, high: Modes) -> bool:
