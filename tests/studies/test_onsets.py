@@ -195,6 +195,43 @@ def test_rates_without_a_steady_state_are_left_out_and_told_once(rates, monkeypa
         hfsim.campbell(disc(0.0, 0.0, 1500.0), [22.5], count=4)
 
 
+IN_SPACE = """hfsim: 1
+gravity: [0, 0, 0]
+bodies:
+  axle: {type: rigid, mass: 0.1, inertia: [0.01, 0.01, 0.01]}
+  disc: {type: rigid, mass: 1.0, inertia: [0.01, 0.01, 0.02], points: {p: [1.0e-5, 2.0e-5, 0]}}
+joints: {r: {type: revolute, between: [ground, axle], axis: [0, 0, 1]}}
+springs:
+  shaft: {type: bushing, between: [axle, disc.p], stiffness: [9900, 10100, 1e6], rotational_stiffness: 1.0e5}
+initial: {steady: {body: axle, rate: 10}}
+solve: {duration: 1.0}
+"""
+
+
+def stiffness_off_centre(rate):
+    """Return the determinant of what brings back a disc of 1 kg that leans out, at a given momentum.
+
+    With A = K - m W^2, A r = -K e of the centre, it is A + 4 m^2 W^2 r r^T / (J + m r^2).
+    """
+    springs, inertia = np.diag([9900.0, 10100.0]), 0.01 + 0.02
+    left = springs - rate**2 * np.eye(2)
+    r = -np.linalg.solve(left, springs @ [1.0e-5, 2.0e-5])
+    return np.linalg.det(left + 4.0 * rate**2 * np.outer(r, r) / (inertia + r @ r))
+
+
+@pytest.mark.slow
+def test_an_axle_that_is_free_to_turn_is_not_taken_for_what_goes_away():
+    """Off its centre a disc takes the axle along: growth was told of its turning, none as critical."""
+    found = hfsim.campbell(parse_deck(IN_SPACE), [90.0, 110.0], count=3)
+    rates = np.linspace(99.0, 102.0, 30001)
+    above = np.array([stiffness_off_centre(rate) > 0.0 for rate in rates])
+    expected = rates[1:][above[1:] != above[:-1]]
+    assert [one.rate for one in found.onsets] == pytest.approx(expected, rel=2e-4)
+    assert [(one.track, one.above) for one in found.onsets] == [(2, True), (2, False)]
+    critical = [(one.track, one.rate) for one in found.crossings if not one.order]
+    assert critical == [(one.track, one.rate) for one in found.onsets]
+
+
 FROM_REST = [
     pytest.param(rates, marks=pytest.mark.slow)
     for rates in ([0, 30], [0, np.sqrt(500.0), 30], [-40, -10, 10, 30])

@@ -341,7 +341,7 @@ def _located(between: Sequence[_End], number: int, order: int, steady: Steady) -
         found = mode_between(modes, rate, ((low, first), (high, last)), most)
         if found is None:
             break
-        if not order and found[0].kind == "divergence":
+        if not order and (found[0].kind == "divergence" or _goes_away(modes, between, steady)):
             return None
         mode, sense = found[0], own * (-1 if found[1] else 1)
         here, frequency = _beyond(mode, order, rate, sense), mode.frequency
@@ -355,3 +355,10 @@ def _located(between: Sequence[_End], number: int, order: int, steady: Steady) -
     # what only decays at rest goes round with the axes: no frequency is lost there
     at_all = slow < abs(rate) and abs(2.0 * np.pi * frequency - order * abs(rate)) <= _AT * abs(rate)
     return Crossing(number, order, rate, frequency) if at_all else None
+
+
+def _goes_away(modes: Modes, ends: Sequence[_End], steady: Steady) -> bool:
+    """Tell whether more goes away at a rate than at those on either side: that is where it grows."""
+    beside = (steady.at(rate, mode.about) for rate, mode, _ in ends)
+    here, *others = (sum(mode.kind == "divergence" for mode in one) for one in (modes, *beside))
+    return here > max(others)

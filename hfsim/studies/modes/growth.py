@@ -73,16 +73,19 @@ def _told(
 ) -> Iterator[Onset]:
     """Yield the onsets between two rates, at which all modes are known by their numbers."""
     taken = {True: set[int](), False: set[int]()}
+    # what nothing brings back at either end is not what grows between
+    kept = [not all(mode and mode.free for mode in pair) for pair in tracks]
     known = pairwise((low, *steady.between(low[0], high[0]), high))
     changes = chain.from_iterable(_changes(*ends, steady, _TRIES) for ends in known)
     for below, beyond in islice(changes, _MOST):
         for mode, partner, above in _of_change(below[1], beyond[1]):
-            number = _number(mode, [pair[above] for pair in tracks], taken[above])
+            ends = [pair[above] if may else None for pair, may in zip(tracks, kept, strict=True)]
+            number = _number(mode, ends, taken[above])
             if number:
                 taken[above].add(number)
                 held = tracks[number - 1][not above] or partner
-                ends = (below, beyond) if above else (beyond, below)
-                yield _onset(number, ends, mode, partner or mode, not (held and held.free), above)
+                between = (below, beyond) if above else (beyond, below)
+                yield _onset(number, between, mode, partner or mode, not (held and held.free), above)
 
 
 def _onset(
@@ -137,7 +140,9 @@ def _of_change(low: Modes, high: Modes) -> Iterator[tuple[Mode, Mode | None, boo
     """Yield what grows on one side only, what it is on the other, None if not known, and whether above."""
     for above, before, after in ((True, low, high), (False, high, low)):
         for mode in _new(before, after):
-            others = [one for one in before.modes if not one.unstable]
+            # what was free and is not any more may be what grows
+            freed = sum(one.free for one in before.modes) > sum(one.free for one in after.modes)
+            others = [one for one in before.modes if not one.unstable and (freed or not one.free)]
             unlike = how_unlike(after, [mode], others)[0][0] if others else np.zeros(0)
             alike = [one for one, by in zip(others, unlike, strict=True) if by < 1.0 - ALIKE]
             partner = min(alike, key=lambda one: abs(one.value - mode.value), default=None)
@@ -152,8 +157,12 @@ def _number(mode: Mode, ends: Sequence[Mode | None], taken: set[int]) -> int:
     if not free:
         return 0
     unlike = how_unlike(Modes(mode.about, (), None, False), [mode], [end for _, end in free])[0][0]
-    by = [float(one) + (not end.unstable) for one, (_, end) in zip(unlike, free, strict=True)]
-    return free[int(np.argmin(by))][0]
+    # of shapes that are all others', eigenvalues tell
+    by = [
+        (min(float(one), 1.0 - ALIKE) + (not end.unstable), abs(end.value - mode.value), k)
+        for one, (k, end) in zip(unlike, free, strict=True)
+    ]
+    return min(by)[-1]
 
 
 def _share(before: Mode, mode: Mode, after: Modes) -> float:
