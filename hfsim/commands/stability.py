@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     from hfsim.studies.axes import Axis
     from hfsim.studies.cluster import Workers
     from hfsim.studies.farm import Executor
-    from hfsim.studies.stability.asked import Asked
-    from hfsim.studies.stability.results import Plan
+    from hfsim.studies.stability.asked import Plan
 
 def _option(name: str) -> str:
     return f"--scale-{name}" if name in ("stiffness", "speed") else f"--{name}"
@@ -120,27 +119,28 @@ def stability(
     from hfsim.output.api import without_blind
     from hfsim.output.writers import Provenance
     from hfsim.studies.compare import usual_models
-    from hfsim.studies.stability.asked import Asked
+    from hfsim.studies.stability.asked import Plan
+    from hfsim.studies.stability.verdict import Bounds
 
     started = time.perf_counter()
     seen = without_blind(load_decks([deck], overrides, talk)[0], names(models), talk.note)
     loaded = seen.with_numbers(talk.note)
     with as_usage():
-        bounds = {"max_error": max_error, "max_drift": max_drift, "budget": budget, "limit": limit}
-        asked = Asked(
-            read_axes(vary, named), names(methods), names(models), bisect=bisect, ending=ending, **bounds
-        )
-        if measure and asked.axes:
+        plan = Plan(
+            read_axes(vary, named), names(methods), names(models), Bounds(max_error, max_drift),
+            budget, limit, bisect=bisect, ending=ending,
+        )  # fmt: skip
+        if measure and plan.axes:
             raise click.UsageError("--limits takes no axis; change the deck with --set")
-        usual = () if asked.models or measure else usual_models(loaded.changed, talk.note)
-        spent = time.perf_counter() - started + time_to_draw(to.plots, budget)
-        plan = asked.plan(usual, spent)
+        usual = plan.models or (loaded.deck.solve.model,)
+        if not (measure or plan.models):
+            usual = usual_models(loaded.changed, talk.note)
+        plan = plan.completed(usual, time.perf_counter() - started + time_to_draw(to.plots, budget))
     about = Provenance.of(loaded, deck, seen.overrides).facts()
     study = Study.claim("stability", to, loaded.deck.name, talk, about)
     with workers.executor(loaded.source.texts) as executor:
-        if measure:
-            raise click.exceptions.Exit(do_limits(loaded, plan, study, asked.models, executor))
-        raise click.exceptions.Exit(do_map(loaded, plan, study, asked, executor))
+        do = do_limits if measure else do_map
+        raise click.exceptions.Exit(do(loaded, plan, study, executor))
 
 
 def read_axes(vary: Sequence[str], named: Mapping[str, str | None]) -> tuple[Axis, ...]:
@@ -153,25 +153,22 @@ def read_axes(vary: Sequence[str], named: Mapping[str, str | None]) -> tuple[Axi
     return axes_of(said)
 
 
-def do_map(loaded: LoadedDeck, plan: Plan, study: Study, asked: Asked, executor: Executor) -> int:
+def do_map(loaded: LoadedDeck, plan: Plan, study: Study, executor: Executor) -> int:
     """Run the study, write and tell it, and return the exit code."""
     from hfsim.output.progress import Progress
     from hfsim.output.stability import publish_map
     from hfsim.studies.stability.maps import stability_map
 
     with as_usage(), Progress(f"{loaded.deck.name}, stability", sys.stderr, study.talk.quiet) as progress:
-        result = stability_map(loaded, plan, executor, asked.bisect, progress, asked.ending)
-    publish_map(result, study, asked.ending)
+        result = stability_map(loaded, plan, executor, progress)
+    publish_map(result, study, plan.ending)
     return interrupted() if result.status == "interrupted" else 0
 
 
-def do_limits(
-    loaded: LoadedDeck, plan: Plan, study: Study, models: tuple[str, ...], executor: Executor
-) -> int:
-    """Measure the longest stable steps with the models named, or the deck's; return the exit code."""
+def do_limits(loaded: LoadedDeck, plan: Plan, study: Study, executor: Executor) -> int:
+    """Measure the longest stable steps; return the exit code."""
     from hfsim.output.limits import publish_limits
     from hfsim.studies.limits import limits_of_models
 
-    wanted = models or (loaded.deck.solve.model,)
-    results = limits_of_models(loaded, wanted, plan.methods, plan.seconds, plan.limit, executor)
+    results = limits_of_models(loaded, plan, executor)
     return interrupted() if publish_limits(results, study) == "interrupted" else 0

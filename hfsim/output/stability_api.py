@@ -26,7 +26,8 @@ from hfsim.output.study import time_to_draw
 from hfsim.studies.axes import NAMED, Axis, vary_path
 from hfsim.studies.compare import usual_models
 from hfsim.studies.limits import Limits, limits_of_models
-from hfsim.studies.stability.asked import ENDINGS, Asked, axes_of
+from hfsim.studies.stability.asked import ENDINGS, Plan, axes_of
+from hfsim.studies.stability.verdict import Bounds
 
 if TYPE_CHECKING:
     from hfsim.studies.stability.results import StabilityMap
@@ -113,19 +114,19 @@ def stability(
     callback(progress=progress)
     positive(max_error=max_error, max_drift=max_drift, bisect=bisect, budget=budget, limit=limit)
     one_of("ending", ending, ENDINGS)
-    asked = Asked(
+    plan = Plan(
         _axes(vary, named), several("methods", methods), several("models", models),
-        max_error, max_drift, budget, limit, bisect, ending,
+        Bounds(max_error, max_drift), budget, limit, bisect=bisect, ending=ending,
     )  # fmt: skip
     to, where = destination(output, force, plots), workers(jobs, dask, dask_config)
     base = load(deck, changes)
-    usual = asked.models or usual_models(base.changed, nobody)
-    loaded = for_models(base, asked.models)
+    usual = plan.models or usual_models(base.changed, nobody)
+    loaded = for_models(base, plan.models)
     drawing = 0.0 if to is None else time_to_draw(to.plots, budget)
-    plan = asked.plan(usual, time.perf_counter() - start + drawing)
+    plan = plan.completed(usual, time.perf_counter() - start + drawing)
     study = study_in("stability", to, loaded)
     with where.executor(loaded.source.texts) as executor:
-        result = stability_map(loaded, plan, executor, bisect, progress or nobody, ending)
+        result = stability_map(loaded, plan, executor, progress or nobody)
     if study is not None:
         publish_map(result, study, ending)
     finished(result, result.status == "interrupted", executor)
@@ -172,14 +173,13 @@ def limits(
 
     start = time.perf_counter()
     positive(budget=budget, limit=limit)
-    asked = Asked(methods=several("methods", methods), models=several("models", models), budget=budget)
+    plan = Plan((), several("methods", methods), several("models", models), seconds=budget, limit=limit)
     to, where = destination(output, force, plots=True), workers(jobs, dask, dask_config)
-    loaded = for_models(load(deck, changes), asked.models)
-    wanted = asked.models or (loaded.deck.solve.model,)
-    plan = asked.plan(wanted, time.perf_counter() - start)
+    loaded = for_models(load(deck, changes), plan.models)
+    plan = plan.completed((loaded.deck.solve.model,), time.perf_counter() - start)
     study = study_in("stability", to, loaded)
     with where.executor(loaded.source.texts) as executor:
-        found = limits_of_models(loaded, wanted, plan.methods, plan.seconds, limit, executor)
+        found = limits_of_models(loaded, plan, executor)
     if study is not None:
         publish_limits(found, study)
     finished(tuple(found), found[-1].interrupted, executor)

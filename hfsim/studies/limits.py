@@ -12,7 +12,7 @@ for backward differentiation.  Measured is the growth of a small disturbance in 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -29,6 +29,7 @@ from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck, parse_deck
 from hfsim.studies.farm import Executor, Outcome, Task
 from hfsim.studies.spectra import LimitsError, Spectrum, along, fastest_mode, spectrum
+from hfsim.studies.stability.asked import Plan
 
 STEPS = 400
 """Steps of a trial run: a growth of 1 % a step is 50-fold at its end."""
@@ -372,19 +373,12 @@ def limits(
     return Limits(loaded.deck.name, model, spectra or (start,), tuple(measured), lost, executor.interrupted)
 
 
-def limits_of_models(
-    loaded: LoadedDeck,
-    models: Sequence[str],
-    methods: tuple[str, ...],
-    seconds: float,
-    limit: float,
-    executor: Executor,
-) -> list[Limits]:
-    """Do the same with several models, which share the time; fewer where a signal ends that."""
-    deadline, found = time.perf_counter() + seconds, list[Limits]()
-    for k, model in enumerate(models):
-        share = (deadline - time.perf_counter()) / (len(models) - k)
-        found.append(limits(loaded, model, methods, share, limit, executor))
+def limits_of_models(loaded: LoadedDeck, plan: Plan, executor: Executor) -> list[Limits]:
+    """Do the same with the models of a plan, which share the time; fewer where a signal ends that."""
+    deadline, found = time.perf_counter() + plan.seconds, list[Limits]()
+    for k, model in enumerate(plan.models):
+        share = (deadline - time.perf_counter()) / (len(plan.models) - k)
+        found.append(limits(loaded, model, plan.methods, share, plan.limit, executor))
         if found[-1].interrupted:
             break
     return found

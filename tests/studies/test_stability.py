@@ -31,10 +31,10 @@ from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.shipped import CASES
 from hfsim.studies.axes import NAMED, AxisError, parse_values, point_overrides, vary
 from hfsim.studies.farm import Farm, Here, JobLostError, Task
+from hfsim.studies.stability.asked import Plan
 from hfsim.studies.stability.mapper import Mapper
 from hfsim.studies.stability.maps import stability_map
 from hfsim.studies.stability.references import check_reference, solve_reference
-from hfsim.studies.stability.results import Plan
 from hfsim.studies.stability.trials import Job, solve_point
 from hfsim.studies.stability.verdict import Bounds, Distance, Trial, Truth, classify, distance
 from hfsim.trust import growth
@@ -437,8 +437,8 @@ def plan(*axes, **changes):
     return Plan(axes=axes, **{**usual, **changes})
 
 
-def mapped(loaded, plan, **options):
-    return stability_map(loaded, plan, Farm(2), **options)
+def mapped(loaded, plan):
+    return stability_map(loaded, plan, Farm(2))
 
 
 def test_a_map_puts_every_point_into_a_class():
@@ -603,7 +603,7 @@ def test_a_scene_at_rest_is_disturbed_by_more_than_round_off(monkeypatch):
 def test_the_end_of_a_class_is_located():
     """Explicit steps hold the wheel up to less than 5.96 over its frequency of 1 rad/s."""
     axis = NAMED["step"]("log(0.5,50,3)")
-    result = mapped(parse_deck(WHEEL), plan(axis, methods=("explicit",)), bisect=0.02)
+    result = mapped(parse_deck(WHEEL), plan(axis, methods=("explicit",), bisect=0.02))
     (end,) = result.boundaries
     assert end.class_below == "accurate" and end.class_above != "accurate"
     assert end.width <= 0.02
@@ -614,7 +614,7 @@ def test_the_end_of_a_class_is_located():
 
 def test_the_end_of_another_class_is_located():
     axis = NAMED["step"]("1,3,5,50")
-    result = mapped(parse_deck(WHEEL), plan(axis, methods=("explicit",)), bisect=0.05, ending="wrong")
+    result = mapped(parse_deck(WHEEL), plan(axis, methods=("explicit",), bisect=0.05, ending="wrong"))
     assert result.boundaries
     for end in result.boundaries:
         assert (end.class_below == "wrong") != (end.class_above == "wrong")

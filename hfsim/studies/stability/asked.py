@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 from hfsim.deck.source import refuse_unknown
 from hfsim.errors import ArgumentError
 from hfsim.integrators import METHODS
 from hfsim.parts.bodies.models import MODELS
 from hfsim.studies.axes import Axis, AxisError
-from hfsim.studies.stability.results import Plan
 from hfsim.studies.stability.verdict import Bounds
 
 MOST_AXES = 2
@@ -40,33 +39,35 @@ def axes_of(texts: Iterable[tuple[str, Callable[[str], Axis], str]]) -> tuple[Ax
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What is asked for.
+class Plan:
+    """What is mapped.
 
     Attributes
     ----------
+    axes : tuple of Axis
+        None to two.
     methods, models : tuple of str
-        All methods without any.
-    max_error, max_drift : float
-        Bounds of what is accurate [-].
-    budget, limit : float
+        Those of `completed` without any.
+    seconds, limit : float
         Wall time that all and one point may take [s].
+    tolerance : float
+        Of the references, at most a tenth of the deck's [-].
     bisect : float or None
-        Relative width to which the end of the class `ending` is located.
+        Relative width to which the end of the class `ending` along the one axis is located.
     """
 
     axes: tuple[Axis, ...] = ()
     methods: tuple[str, ...] = ()
     models: tuple[str, ...] = ()
-    max_error: float = 1e-2
-    max_drift: float = 1e-3
-    budget: float = 60.0
+    bounds: Bounds = field(default_factory=Bounds)
+    seconds: float = 60.0
     limit: float = 20.0
+    tolerance: float = 1e-8
     bisect: float | None = None
-    ending: str = "accurate"
+    ending: str = ENDINGS[0]
 
-    def plan(self, usual_models: Sequence[str], spent: float = 0.0) -> Plan:
-        """Return what is done where some of the budget has been spent.
+    def completed(self, usual_models: Sequence[str], spent: float) -> Plan:
+        """Return the same after some time [s], with all methods and usual models where none are named.
 
         Raises
         ------
@@ -76,11 +77,8 @@ class Asked:
         refuse_unknown("method", self.methods, [*METHODS, "auto"])
         refuse_unknown("model", self.models, MODELS)
         self._refuse_bisection()
-        return Plan(
-            axes=self.axes, methods=self.methods or tuple(METHODS), models=self.models or tuple(usual_models),
-            bounds=Bounds(self.max_error, self.max_drift), seconds=max(self.budget - spent, 0.0),
-            limit=self.limit,
-        )  # fmt: skip
+        methods, models = self.methods or tuple(METHODS), self.models or tuple(usual_models)
+        return replace(self, methods=methods, models=models, seconds=max(self.seconds - spent, 0.0))
 
     def _refuse_bisection(self) -> None:
         if self.bisect is None:

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from itertools import pairwise, product
 
+from hfsim.studies.stability.asked import Plan
 from hfsim.studies.stability.mapper import Mapper
-from hfsim.studies.stability.results import Boundary, MapPoint, Plan, Wanted
+from hfsim.studies.stability.results import Boundary, MapPoint, Wanted
 
 _SILENT = ("deck", "no result", "not computed")
 """Classes that say nothing about the point."""
 _MOST_ROUNDS = 40
 
 
-def bisected(
-    mapper: Mapper, plan: Plan, found: dict[Wanted, MapPoint], width: float, ending: str
-) -> tuple[Boundary, ...]:
+def bisected(mapper: Mapper, plan: Plan, found: dict[Wanted, MapPoint]) -> tuple[Boundary, ...]:
     """Halve the gaps between points of a class and others along the one axis; add the points to `found`."""
-    axis = plan.axes[0]
+    axis, width, ending = plan.axes[0], plan.bisect or 0.0, plan.ending
     rows = list(product(plan.models, plan.methods))
     gaps = {row: gap for row in rows if (gap := _gap(row, found, ending)) is not None}
     for _ in range(_MOST_ROUNDS):

@@ -13,8 +13,9 @@ from hfsim.marching.stop import Progress, nobody
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.axes import point_overrides
 from hfsim.studies.farm import Executor, Outcome, Task
+from hfsim.studies.stability.asked import Plan
 from hfsim.studies.stability.references import check_reference, solve_reference
-from hfsim.studies.stability.results import MapPoint, Plan, Wanted
+from hfsim.studies.stability.results import MapPoint, Wanted
 from hfsim.studies.stability.trials import Job, solve_point
 from hfsim.studies.stability.verdict import REFUSED, TRUTH_MODEL, Trial, Truth, Verdict, classify
 

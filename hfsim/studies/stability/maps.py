@@ -18,9 +18,10 @@ from hfsim.marching.stop import Progress, nobody
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.axes import Axis, point_overrides
 from hfsim.studies.farm import Executor
+from hfsim.studies.stability.asked import Plan
 from hfsim.studies.stability.bisection import bisected
 from hfsim.studies.stability.mapper import Mapper
-from hfsim.studies.stability.results import Boundary, MapAxis, MapPoint, Plan, StabilityMap, Wanted
+from hfsim.studies.stability.results import Boundary, MapAxis, MapPoint, StabilityMap, Wanted
 
 
 def coarse_first(count: int) -> list[int]:
@@ -43,12 +44,7 @@ def coarse_first(count: int) -> list[int]:
 
 
 def stability_map(
-    loaded: LoadedDeck,
-    plan: Plan,
-    executor: Executor,
-    bisect: float | None = None,
-    report: Progress = nobody,
-    ending: str = "accurate",
+    loaded: LoadedDeck, plan: Plan, executor: Executor, report: Progress = nobody
 ) -> StabilityMap:
     """Map a scene and put every point into a class.
 
@@ -56,12 +52,8 @@ def stability_map(
     ----------
     executor : Executor
         What computes the points.
-    bisect : float, optional
-        Relative width to which the end of a class along the one axis is located.
     report : callable
         Told the share of the points that is done, 0 to 1.
-    ending : str
-        That class.
 
     Returns
     -------
@@ -80,8 +72,8 @@ def stability_map(
     rows = [(model, method) for method in plan.methods for model in plan.models]
     found = mapper.compute((values, *row) for values in _coarse_cells(plan.axes) for row in rows)
     boundaries: tuple[Boundary, ...] = ()
-    if bisect is not None and not mapper.interrupted:
-        boundaries = bisected(mapper, plan, found, bisect, ending)
+    if plan.bisect is not None and not mapper.interrupted:
+        boundaries = bisected(mapper, plan, found)
     left = any(p.outcome == "not computed" for p in found.values())
     status = "interrupted" if mapper.interrupted else "over budget" if left else "done"
     axes = tuple(

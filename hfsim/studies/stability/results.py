@@ -1,8 +1,8 @@
-"""What a stability map is of, and what it finds."""
+"""What a stability map finds."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -11,36 +11,10 @@ import numpy as np
 from hfsim.deck.ranges import Value
 from hfsim.marching.columns import Columns, as_columns
 from hfsim.maths.arrays import Array
-from hfsim.studies.axes import Axis
 from hfsim.studies.stability.verdict import CLASSES, NO_TRIAL, Bounds, Trial, Verdict
 
 Wanted: TypeAlias = "tuple[tuple[Value, ...], str, str]"
 """Values on the axes, model, method."""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What is mapped.
-
-    Attributes
-    ----------
-    axes : tuple of Axis
-        None to two.
-    seconds : float
-        Wall time that all may take [s].
-    limit : float
-        Wall time that one point may take [s].
-    tolerance : float
-        Of the references, at most a tenth of the deck's [-].
-    """
-
-    axes: tuple[Axis, ...]
-    methods: tuple[str, ...]
-    models: tuple[str, ...]
-    bounds: Bounds = field(default_factory=Bounds)
-    seconds: float = 60.0
-    limit: float = 20.0
-    tolerance: float = 1e-8
 
 
 @dataclass(frozen=True)
