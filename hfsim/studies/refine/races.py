@@ -5,24 +5,17 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 from hfsim.integrators import steps_in_absolute_coordinates
 from hfsim.marching.clock import PhaseClock
 from hfsim.marching.integration import Integration
-from hfsim.marching.stop import Progress
 from hfsim.scene.build import Scene, build
-from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.methods import MARGIN, Contest, Entry, Probe, Turn, candidates
 from hfsim.studies.refine.level import Level
-from hfsim.studies.refine.part import Part
+from hfsim.studies.refine.search import STALE, WASTE, Search
 
 PROBING = 0.2
 """Part of the CPU time of a search, at any moment, that races between methods may have taken."""
-WASTE = 0.2
-"""Part of the target below which an error in time is left alone."""
-STALE = 2.5
-"""Growth of the unknowns from which on the error in time is measured again."""
 _ANEW = 0.3
 """Fall of the error in time that can be measured from which methods are compared again."""
 
@@ -37,22 +30,6 @@ class Pair:
     """Error in time of the reference [-]."""
     goal: float
     """Error in time at which methods are compared: what the target asks for, or what can be measured [-]."""
-
-
-class Raced(Protocol):
-    """What races need of a search: see `hfsim.studies.refine.search.Search`."""
-
-    loaded: LoadedDeck
-    target: float
-    levels: list[Level]
-    current: Level | None
-    time: Part
-
-    def distance(self, level: Level, finer: Level) -> tuple[float, str]:
-        """Return how far a level is from a finer one, and in which channel."""
-
-    def guard(self) -> Progress:
-        """Return what ends an integration when the budget is used up."""
 
 
 @dataclass
@@ -75,7 +52,7 @@ class Races:
         CPU time of the races that have ended [s].
     """
 
-    search: Raced
+    search: Search
     start: float = field(default_factory=time.process_time)
     pair: Pair | None = None
     open: dict[str, Turn] = field(default_factory=dict)
@@ -97,9 +74,10 @@ class Races:
         """Method that the deck states."""
         return self.search.loaded.deck.solve.method
 
-    def take_pair(self, base: Level, finer: Level) -> None:
-        """Take note of levels of two tolerances; methods are compared by them if that is due."""
-        part, known = self.search.time, self.pair
+    def take_pair(self) -> None:
+        """Take note of a last level of another tolerance; methods are compared by it if that is due."""
+        part, known, finer = self.search.time, self.pair, self.search.levels[-1]
+        base = self.search.levels[finer.base]
         assert finer.change is not None
         left = finer.change * part.ratio / (1.0 - part.ratio)
         if self.stated != "auto" or base.unknowns != finer.unknowns or not math.isfinite(left):

@@ -14,6 +14,7 @@ from hfsim.marching.solution import Run
 from hfsim.simulate import assess
 from hfsim.studies.agreement import tidy
 from hfsim.studies.refine.level import Level
+from hfsim.studies.refine.races import Races
 from hfsim.studies.refine.search import SAFETY, Search
 from hfsim.studies.refine.setting import fixed_meshes
 from hfsim.trust.after import Wish
@@ -25,8 +26,8 @@ class Refinement:
 
     Attributes
     ----------
-    search : Search
-        As it was left.
+    search, races : Search, Races
+        As they were left.
     status : str
         ``reached``; ``missed`` (more refinement does not help), ``limit`` (the budget is used up),
         ``interrupted``, or ``failed`` (there is no level that reached its end).
@@ -41,6 +42,7 @@ class Refinement:
     """
 
     search: Search
+    races: Races
     status: str
     reason: str
     chosen: Level
@@ -57,7 +59,7 @@ class Refinement:
     @property
     def method(self) -> str:
         """How the method was chosen, in words."""
-        races, chosen = self.search.races, self.chosen.setting.method
+        races, chosen = self.races, self.chosen.setting.method
         if races.winner in ("", chosen):
             return races.words
         return f"{races.words}; the level chosen is by {chosen} all the same, on a coarser mesh"
@@ -80,8 +82,8 @@ class Refinement:
             # their error is in no estimate
             "fixed_meshes": list(fixed_meshes(search.loaded)),
             "method_choice": self.method,
-            "probes": [probe.facts() for probe in search.races.probes],
-            "probing_cpu_s": search.races.used,
+            "probes": [probe.facts() for probe in self.races.probes],
+            "probing_cpu_s": self.races.used,
         }
 
     def run(self, wish: Wish) -> Run:
@@ -122,7 +124,7 @@ class Refinement:
         return f"target error {self.search.target:g} not reached, {known}{where}: {self.reason}"
 
 
-def concluded(search: Search, status: str, reason: str, cpu: float) -> Refinement:
+def concluded(search: Search, races: Races, status: str, reason: str, cpu: float) -> Refinement:
     """Give every level its error and choose one."""
     current = search.current
     for level, error in search.estimates():
@@ -143,7 +145,7 @@ def concluded(search: Search, status: str, reason: str, cpu: float) -> Refinemen
             f"the cheapest level that keeps the target; its error is measured: {tidy(distance)} from "
             f"level {current.number}, which has {tidy(search.left)} left"
         )
-    return Refinement(search, status, reason, chosen, why, cpu, search.budget.used)
+    return Refinement(search, races, status, reason, chosen, why, cpu, search.budget.used)
 
 
 def _of_finest(search: Search, level: Level) -> str:

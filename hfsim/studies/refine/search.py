@@ -19,12 +19,15 @@ from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.methods import MARGIN
 from hfsim.studies.refine.level import Level
 from hfsim.studies.refine.part import Part, parts_of
-from hfsim.studies.refine.races import STALE, WASTE, Races
 from hfsim.studies.refine.setting import Setting, refined
 from hfsim.studies.timing import solved
 
 SAFETY = 2.0
 """Factor on an error that is extrapolated, not measured."""
+WASTE = 0.2
+"""Part of the target below which an error in time is left alone."""
+STALE = 2.5
+"""Growth of the unknowns from which on the error in time is measured again."""
 _QUIET = 0.25
 """Part of the mesh errors, or of the target, that the error in time must not exceed: or pass for theirs."""
 _TRIAL = 0.1
@@ -52,7 +55,6 @@ class Search:
         self.current: Level | None = None
         self.signal: KeyboardInterrupt | None = None
         self.tried_at: float = _TRIAL_FROM / STALE
-        self.races = Races(self)
 
     # Levels -------------------------------------------------------------------------------------------
 
@@ -196,8 +198,6 @@ class Search:
         part.note(level.change, kind, base, level, self.enough(part))
         if not part.kept:
             self.current = level
-        if part is self.time:
-            self.races.take_pair(base, level)
         return True
 
     def _in_cheaper_coordinates(self, setting: Setting) -> Setting:

@@ -11,6 +11,7 @@ from hfsim.marching.stop import Budget, Halted, Progress
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.agreement import tidy
 from hfsim.studies.refine.part import Part
+from hfsim.studies.refine.races import Races
 from hfsim.studies.refine.result import concluded
 from hfsim.studies.refine.search import Search
 from hfsim.studies.refine.setting import beams_of, coarse
@@ -59,12 +60,13 @@ def refine(
         budget.report = progress
     start = time.process_time()
     search = Search(loaded, budget)
-    status, reason = _search(search)
-    found = concluded(search, status, reason, time.process_time() - start)
+    races = Races(search)
+    status, reason = _search(search, races)
+    found = concluded(search, races, status, reason, time.process_time() - start)
     return found.run(Wish(False, False, diagnosis, after)), found.chosen.setting.applied(loaded)
 
 
-def _search(search: Search) -> tuple[str, str]:
+def _search(search: Search, races: Races) -> tuple[str, str]:
     """Refine until the target is kept or nothing more can be done; return status and reason."""
     try:
         if not _begin(search):
@@ -81,9 +83,11 @@ def _search(search: Search) -> tuple[str, str]:
                 if failures >= _FAILURES:
                     return "missed", f"finer levels fail: {search.levels[-1].reason}"
                 continue
+            if part is search.time:
+                races.take_pair()
             if part.stalled and part.left > search.target:
                 return "missed", _stalled_words(search, part)
-            search.races.hold()
+            races.hold()
             answer = search.answer()
             if answer is not None and not search.stale(answer):
                 return "reached", ""
