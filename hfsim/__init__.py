@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from hfsim.output.stability_api import limits, stability
     from hfsim.output.static_api import static
     from hfsim.output.sweep_api import sensitivity, sweep
-    from hfsim.studies.bench import Bench
-    from hfsim.studies.compare import Comparison
+    from hfsim.studies.bench.result import Bench
+    from hfsim.studies.compare.result import Comparison
     from hfsim.studies.limits import Limits
     from hfsim.studies.stability.results import StabilityMap
     from hfsim.studies.sweep.result import Sweep
-    from hfsim.studies.verify import Verification
+    from hfsim.studies.verify.result import Verification
 
 __version__ = "0.1.0"
 
@@ -35,12 +35,12 @@ _PLACES = {
     **dict.fromkeys(("DeckError", "HfsimError", "Interrupted", "UnfinishedRunError"), "hfsim.errors"),
     **dict.fromkeys(("campbell", "modes"), "hfsim.output.modes_api"),
     "Run": "hfsim.marching.solution",
-    "Bench": "hfsim.studies.bench",
-    "Comparison": "hfsim.studies.compare",
+    "Bench": "hfsim.studies.bench.result",
+    "Comparison": "hfsim.studies.compare.result",
     "Limits": "hfsim.studies.limits",
     "StabilityMap": "hfsim.studies.stability.results",
     "Sweep": "hfsim.studies.sweep.result",
-    "Verification": "hfsim.studies.verify",
+    "Verification": "hfsim.studies.verify.result",
     **dict.fromkeys(("bench", "separation"), "hfsim.output.bench_api"),
     **dict.fromkeys(("limits", "stability"), "hfsim.output.stability_api"),
     "static": "hfsim.output.static_api",

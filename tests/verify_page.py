@@ -9,7 +9,8 @@ from hfsim.output.manual import FOLDER
 from hfsim.output.verify import as_markdown
 from hfsim.scene.loading import load_deck
 from hfsim.studies.farm import Farm
-from hfsim.studies.verify import Row, entry_of, published_decks, verify
+from hfsim.studies.verify.result import Row
+from hfsim.studies.verify.study import entry_of, published_decks, verify
 
 PAGE = FOLDER / "verify.md"
 MARK = "\n## What is met\n"

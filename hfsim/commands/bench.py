@@ -27,7 +27,8 @@ from hfsim.output.talk import Destination, Talk, print_error
 
 if TYPE_CHECKING:
     from hfsim.scene.loading import LoadedDeck
-    from hfsim.studies.bench import Bench, Sweep
+    from hfsim.studies.bench.result import Bench
+    from hfsim.studies.bench.sweep import Sweep
     from hfsim.studies.cluster import Workers
 
 
@@ -124,7 +125,7 @@ def bench(
     from hfsim.output.api import without_blind
     from hfsim.output.writers import Provenance
     from hfsim.simulate import check
-    from hfsim.studies.bench import Sweep
+    from hfsim.studies.bench.sweep import Sweep
 
     seen = without_blind(loader(deck, overrides, talk)(()), models, talk.note)
     loaded = seen.with_numbers(talk.note)
@@ -149,7 +150,7 @@ def do_bench(
     from hfsim.marching.stop import Budget
     from hfsim.output.bench import publish_bench
     from hfsim.output.progress import Progress
-    from hfsim.studies.bench import bench as measure
+    from hfsim.studies.bench.study import bench as measure
 
     study.begin()
     drawing = time_to_draw(study.plots, seconds)

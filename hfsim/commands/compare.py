@@ -32,7 +32,8 @@ if TYPE_CHECKING:
     from hfsim.marching.solution import Run
     from hfsim.output.runfolder import RunFolder
     from hfsim.studies.cluster import Workers
-    from hfsim.studies.compare import Comparison, Prepared
+    from hfsim.studies.compare.choice import Prepared
+    from hfsim.studies.compare.result import Comparison
 
 
 @dataclass(frozen=True)
@@ -138,7 +139,7 @@ def make_plan(
     from hfsim.output.runfolder import COMPARISON, claim, folder_name
     from hfsim.output.writers import Provenance
     from hfsim.parts.bodies.models import MODELS
-    from hfsim.studies.compare import chosen_models, prepare, usual_models
+    from hfsim.studies.compare.choice import chosen_models, prepare, usual_models
 
     reference, channels, require = judged
     load = loader(argument, overrides, talk)
@@ -164,7 +165,8 @@ def do_comparison(
     """Run all models, write and tell the comparison, and return the exit code."""
     from hfsim.output.comparison import COLUMNS, as_rows, as_text
     from hfsim.output.progress import Progress
-    from hfsim.studies.compare import as_facts, carry_out
+    from hfsim.studies.compare.result import as_facts
+    from hfsim.studies.compare.study import carry_out
 
     plan.study.begin()
     loaded, (max_error, repeats, error_estimate) = plan.prepared.decks[plan.prepared.reference], made

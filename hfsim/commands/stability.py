@@ -118,7 +118,7 @@ def stability(
     """  # fmt: skip
     from hfsim.output.api import without_blind
     from hfsim.output.writers import Provenance
-    from hfsim.studies.compare import usual_models
+    from hfsim.studies.compare.choice import usual_models
     from hfsim.studies.stability.asked import Plan
     from hfsim.studies.stability.verdict import Bounds
 

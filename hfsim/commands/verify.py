@@ -15,7 +15,8 @@ from hfsim.output.talk import Destination, Talk, print_error
 
 if TYPE_CHECKING:
     from hfsim.studies.cluster import Workers
-    from hfsim.studies.verify import Entry, Verification
+    from hfsim.studies.verify.result import Verification
+    from hfsim.studies.verify.study import Entry
 
 
 @click.command()
@@ -43,7 +44,7 @@ def verify(
     made twice at least, each time tighter, until their error in time is small beside the bounds. Exit code
     4: a value is missed; 3: something could not be computed.
     """
-    from hfsim.studies.verify import published_decks
+    from hfsim.studies.verify.study import published_decks
 
     entries = _entries(names or tuple(published_decks()), overrides, talk)
     if listing:
@@ -55,7 +56,7 @@ def verify(
 
 def _entries(names: tuple[str, ...], overrides: tuple[str, ...], talk: Talk) -> list[Entry]:
     """Load all decks; names of shipped benchmarks go before files of the same name."""
-    from hfsim.studies.verify import entries_of, entry_of, published_decks
+    from hfsim.studies.verify.study import entries_of, entry_of, published_decks
 
     shipped = published_decks()
     files = [str(shipped.get(name, name)) for name in names]
@@ -74,7 +75,8 @@ def _carry_out(entries: list[Entry], workers: Workers, markdown: bool, study: St
     """Find, write and tell all values; return the exit code."""
     from hfsim.output.progress import Progress
     from hfsim.output.verify import COLUMNS, as_markdown, as_text
-    from hfsim.studies.verify import as_facts, verify
+    from hfsim.studies.verify.result import as_facts
+    from hfsim.studies.verify.study import verify
 
     texts = {name: text for entry in entries for name, text in entry.loaded.source.texts.items()}
     with (

@@ -44,8 +44,8 @@ if TYPE_CHECKING:
     from hfsim.output.stream import Stream
     from hfsim.output.talk import Destination
     from hfsim.output.writers import Provenance
-    from hfsim.studies.compare import Comparison
-    from hfsim.studies.verify import Verification
+    from hfsim.studies.compare.result import Comparison
+    from hfsim.studies.verify.result import Verification
 
 Deck = LoadedDeck
 """A checked deck: ``deck`` has its entries, ``resolved()`` of it plain data, `changed` gives another one."""
@@ -75,7 +75,7 @@ def without_blind(
     loaded: LoadedDeck, models: Sequence[str], note: Callable[[str], None] = nobody
 ) -> LoadedDeck:
     """Return a deck without channels that some models have not; say which."""
-    from hfsim.studies.compare import without_blind_channels
+    from hfsim.studies.compare.choice import without_blind_channels
 
     blind = without_blind_channels(loaded.changed, models, note)
     return loaded.changed(blind) if blind else loaded
@@ -238,7 +238,7 @@ def carry_out(
         From where a run that was put down goes on.
     """
     if loaded.has_target:
-        from hfsim.studies.refine import refine
+        from hfsim.studies.refine.study import refine
 
         pipeline.check(loaded)
         if recording is not None:
@@ -314,7 +314,7 @@ def compare(
     Interrupted
         If the keyboard or a signal ends it: a KeyboardInterrupt, ``error.found`` has what there is.
     """
-    from hfsim.studies import compare as study
+    from hfsim.studies.compare import choice, study
     from hfsim.studies.farm import Here
 
     real(max_error=max_error)
@@ -324,10 +324,10 @@ def compare(
     if not 0.0 < max_error < math.inf:
         raise ArgumentError(f"max_error is {max_error}: a difference is held against a positive number")
     base = load(deck, changes)
-    wanted = study.usual_models(base.changed, nobody) if models is None else several("models", models)
-    chosen = study.chosen_models(wanted, reference)
+    wanted = choice.usual_models(base.changed, nobody) if models is None else several("models", models)
+    chosen = choice.chosen_models(wanted, reference)
     refuse_unknown("model", chosen, MODELS)
-    prepared = study.prepare(base.changed, chosen, reference, several("channels", channels), nobody)
+    prepared = choice.prepare(base.changed, chosen, reference, several("channels", channels), nobody)
     found = study.carry_out(prepared, max_error, repeats, Here(), progress, error_estimate)
     finished(found, found.interrupted)
     return found
@@ -360,8 +360,8 @@ def verify(
     Interrupted
         If the keyboard or a signal ends it: a KeyboardInterrupt, ``error.found`` has what there is.
     """
-    from hfsim.studies import verify as study
     from hfsim.studies.farm import Farm
+    from hfsim.studies.verify import study
 
     callback(progress=progress)
     shipped = study.published_decks()

@@ -11,19 +11,10 @@ from hfsim.marching.distance import group_of
 from hfsim.output.pictures import drawn_by
 from hfsim.output.text import Column, as_table, brief, table, wrapped
 from hfsim.parts.channels import kind_of
-from hfsim.studies.bench import (
-    Bench,
-    Cell,
-    Point,
-    as_facts,
-    mesh_words,
-    observed_order,
-    pareto,
-    recommend,
-    tidy,
-)
-from hfsim.studies.bench.points import ChannelError
-from hfsim.studies.bench.result import OF_POINT
+from hfsim.studies.agreement import tidy
+from hfsim.studies.bench.advice import pareto, recommend
+from hfsim.studies.bench.points import Cell, ChannelError, Point, mesh_words, observed_order
+from hfsim.studies.bench.result import OF_POINT, Bench, as_facts
 from hfsim.studies.timing import Spread
 
 if TYPE_CHECKING:

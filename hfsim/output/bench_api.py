@@ -25,7 +25,7 @@ from hfsim.output.study import time_to_draw
 from hfsim.simulate import check
 
 if TYPE_CHECKING:
-    from hfsim.studies.bench import Bench
+    from hfsim.studies.bench.result import Bench
     from hfsim.studies.separation.results import SeparationBench
 
 
@@ -93,8 +93,8 @@ def bench(
         If the keyboard or a signal ends it: a KeyboardInterrupt, ``error.found`` has what there is.
     """
     from hfsim.output.bench import publish_bench
-    from hfsim.studies.bench import Sweep
-    from hfsim.studies.bench import bench as measure
+    from hfsim.studies.bench.study import bench as measure
+    from hfsim.studies.bench.sweep import Sweep
 
     start = time.process_time()
     positive(budget=budget)

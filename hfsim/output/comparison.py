@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 from hfsim.marching.distance import ChannelScale
 from hfsim.output.text import Column, for_a_file, line_width, plural, table, wrapped
-from hfsim.studies.compare import Comparison, Difference, ModelResult, percent
+from hfsim.studies.compare.difference import Difference
+from hfsim.studies.compare.result import Comparison, ModelResult
+from hfsim.studies.compare.words import percent
 from hfsim.studies.timing import Spread
 
 _PHASES = ("build", "error_estimate", "write", "plots")

@@ -11,7 +11,7 @@ from hfsim.output.comparison import cost_columns, difference_columns, doubts_on,
 from hfsim.output.page import doubts, html_table, origin, page, pictures, section
 from hfsim.output.text import Column
 from hfsim.output.writers import warnings_of
-from hfsim.studies.compare import Comparison
+from hfsim.studies.compare.result import Comparison
 
 
 def comparison_page(comparison: Comparison, deck: str, facts: Mapping[str, Any], folder: Path) -> str:

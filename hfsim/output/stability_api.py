@@ -24,7 +24,7 @@ from hfsim.output.arguments import (
 )
 from hfsim.output.study import time_to_draw
 from hfsim.studies.axes import NAMED, Axis, vary_path
-from hfsim.studies.compare import usual_models
+from hfsim.studies.compare.choice import usual_models
 from hfsim.studies.limits import Limits, limits_of_models
 from hfsim.studies.stability.asked import ENDINGS, Plan, axes_of
 from hfsim.studies.stability.verdict import Bounds

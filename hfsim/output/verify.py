@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 from hfsim.output.text import Column, brief, plural, table, wrapped
 
 if TYPE_CHECKING:
-    from hfsim.studies.verify import Entry, Row, Verification
+    from hfsim.studies.verify.result import Row, Verification
+    from hfsim.studies.verify.study import Entry
 
 _SPOKEN = {"held": "ok", "missed": "MISSED", "failed": "FAILED"}
 _DIGITS = 12

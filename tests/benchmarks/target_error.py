@@ -33,7 +33,7 @@ from hfsim.parts.channels import is_judged
 from hfsim.scene.build import build
 from hfsim.scene.loading import LoadedDeck, load_deck
 from hfsim.simulate import simulate
-from hfsim.studies.refine import refine
+from hfsim.studies.refine.study import refine
 
 CASES = Path(__file__).parents[2] / "cases"
 

@@ -29,7 +29,7 @@ from hfsim.marching.solution import Channel, Run
 from hfsim.output.progress import Progress
 from hfsim.output.talk import Talk
 from hfsim.scene.shipped import CASES
-from hfsim.studies.compare import usual_models
+from hfsim.studies.compare.choice import usual_models
 
 ROOT = Path(__file__).resolve().parents[2]
 

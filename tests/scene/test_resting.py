@@ -13,7 +13,7 @@ from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.shipped import find_deck
 from hfsim.simulate import simulate
-from hfsim.studies.compare import as_facts
+from hfsim.studies.compare.result import as_facts
 
 ARM = """
 hfsim: 1

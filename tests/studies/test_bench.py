@@ -21,21 +21,11 @@ from hfsim.output.bench import COLUMNS, as_rows
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck
 from hfsim.scene.shipped import CASES
-from hfsim.studies.bench import (
-    Bench,
-    Cell,
-    Point,
-    Sweep,
-    advice,
-    as_facts,
-    bench,
-    channel_error,
-    model_advice,
-    pareto,
-    recommend,
-    recommendations,
-)
-from hfsim.studies.bench.points import GroupError
+from hfsim.studies.bench.advice import advice, model_advice, pareto, recommend, recommendations
+from hfsim.studies.bench.points import Cell, GroupError, Point, channel_error
+from hfsim.studies.bench.result import Bench, as_facts
+from hfsim.studies.bench.study import bench
+from hfsim.studies.bench.sweep import Sweep
 from hfsim.studies.farm import Farm, Here
 
 

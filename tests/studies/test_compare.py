@@ -19,8 +19,9 @@ from hfsim.output.text import WIDTH
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.shipped import CASES
 from hfsim.simulate import simulate
-from hfsim.studies.compare import Measured, as_facts, compare, measure
-from hfsim.studies.compare.measurements import looser, time_error
+from hfsim.studies.compare.judge import compare
+from hfsim.studies.compare.measurements import Measured, looser, measure, time_error
+from hfsim.studies.compare.result import as_facts
 from hfsim.studies.farm import Here
 
 

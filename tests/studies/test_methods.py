@@ -22,7 +22,7 @@ from hfsim.simulate import simulate
 from hfsim.studies import methods, timing
 from hfsim.studies.methods import Contest, Entry, Turn, candidates
 from hfsim.studies.refine import races as module
-from hfsim.studies.refine import refine
+from hfsim.studies.refine.study import refine
 
 LINK = CASES / "extreme" / "light_link.yaml"
 SHORT = "solve.duration=0.1"

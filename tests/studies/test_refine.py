@@ -18,11 +18,11 @@ from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.shipped import CASES
 from hfsim.simulate import simulate
 from hfsim.studies.methods import Entry, Probe
-from hfsim.studies.refine import refine
 from hfsim.studies.refine.part import Part
 from hfsim.studies.refine.races import Pair, Races
 from hfsim.studies.refine.search import Search
 from hfsim.studies.refine.setting import Setting, refined
+from hfsim.studies.refine.study import refine
 
 TIPS = "solve.target_channels=[b1.tip.x, b1.tip.y]"
 

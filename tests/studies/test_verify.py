@@ -18,10 +18,9 @@ from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
 from hfsim.studies.collect import CollectError, Collector
 from hfsim.studies.farm import Farm
-from hfsim.studies.verify import entry_of, published_decks, verify
 from hfsim.studies.verify.finders import answer
 from hfsim.studies.verify.result import FAILED, HELD, MISSED
-from hfsim.studies.verify.study import judged
+from hfsim.studies.verify.study import entry_of, judged, published_decks, verify
 
 CASES = Path(__file__).parents[2] / "cases"
 

@@ -13,7 +13,10 @@ from hfsim.maths.arrays import Array
 from hfsim.output.plots.figures import decades, dress_counts, dress_log, finished, log_figure
 from hfsim.output.plots.files import save
 from hfsim.output.plots.style import BLUE, COLOURS, GREEN, ORANGE, PURPLE, RED, SKY, colour, slug
-from hfsim.studies.bench import Bench, Cell, Point, observed_order, pareto, tidy
+from hfsim.studies.agreement import tidy
+from hfsim.studies.bench.advice import pareto
+from hfsim.studies.bench.points import Cell, Point, observed_order
+from hfsim.studies.bench.result import Bench
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,24 +7,3 @@ models are equal as far as can be told.  What differences are divided by, and wh
 
 Nothing is printed or written here.
 """
-
-from hfsim.studies.compare.choice import (
-    ChoiceError,
-    Prepared,
-    chosen_models,
-    prepare,
-    usual_models,
-    without_blind_channels,
-)
-from hfsim.studies.compare.difference import Difference
-from hfsim.studies.compare.judge import compare
-from hfsim.studies.compare.measurements import Measured, coordinates_of, measure
-from hfsim.studies.compare.result import Comparison, ModelResult, as_facts
-from hfsim.studies.compare.study import carry_out
-from hfsim.studies.compare.words import percent
-
-__all__ = [
-    "ChoiceError", "Comparison", "Difference", "Measured", "ModelResult", "Prepared", "as_facts", "carry_out",
-    "chosen_models", "compare", "coordinates_of", "measure", "percent", "prepare",
-    "usual_models", "without_blind_channels",
-]  # fmt: skip

@@ -17,7 +17,3 @@ Choices rest on counts of work (evaluations times unknowns), not on times, so th
 method cannot, and has a margin instead.
 Nothing is printed or written here.
 """
-
-from hfsim.studies.refine.study import refine
-
-__all__ = ["refine"]

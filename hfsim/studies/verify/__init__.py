@@ -6,9 +6,3 @@ is small beside the bounds.
 
 Nothing is printed or written here.
 """
-
-from hfsim.studies.verify.result import Row, Verification, as_facts
-from hfsim.studies.verify.shipped import published_decks
-from hfsim.studies.verify.study import Entry, entries_of, entry_of, verify
-
-__all__ = ["Entry", "Row", "Verification", "as_facts", "entries_of", "entry_of", "published_decks", "verify"]

@@ -7,16 +7,27 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 from hfsim.deck.quantities import Quantity
 from hfsim.errors import DeckError
 from hfsim.marching.stop import Progress, nobody
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.published import RowSpec, VerifySpec
+from hfsim.scene.shipped import CASES, shipped_cases
 from hfsim.studies.collect import channels_of, unit_of_quantity
 from hfsim.studies.farm import Executor, Outcome, Task
 from hfsim.studies.verify.finders import Answer, Order, answer
 from hfsim.studies.verify.result import FAILED, HELD, MISSED, Row, Verification
+
+FOLDER = CASES / "verify"
+"""Decks that are there for their published values alone."""
+
+
+def published_decks() -> dict[str, Path]:
+    """Return the shipped decks with published values by name: those for nothing else, then cases."""
+    cases = {name: path for name, path in shipped_cases().items() if "\nverify:" in path.read_text("utf-8")}
+    return {**{path.stem: path for path in sorted(FOLDER.glob("*.yaml"))}, **cases}
 
 
 @dataclass(frozen=True)
