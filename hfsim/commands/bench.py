@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -117,8 +117,9 @@ def bench(
                  "--dask": workers.dask or workers.config}  # fmt: skip
         _refuse_given(unfit, "does not go with --separation")
         study = Study.claim("bench", to, "separation", talk)
-        asked = elements, element, states, repeats
-        raise click.exceptions.Exit(do_separation(asked, budget, started, study))
+        raise click.exceptions.Exit(
+            do_separation(elements, element, states, repeats, budget, started, study)
+        )
     _refuse_given({"--element": element, "--states": states}, "goes with --separation only")
     if deck is None:
         raise click.UsageError("Missing argument 'DECK' (or --separation)")
@@ -165,24 +166,20 @@ def do_bench(
 
 
 def do_separation(
-    asked: tuple[tuple[int, ...], tuple[str, ...], tuple[int, ...], int],
+    elements: Sequence[int],
+    named: Sequence[str],
+    states: Sequence[int],
+    repeats: int,
     seconds: float,
     started: float,
     study: Study,
 ) -> int:
-    """Time the forms of the elastic force, write and tell that, and return the exit code.
-
-    Parameters
-    ----------
-    asked : tuple
-        Numbers of elements, their kinds, beams in a batch, and how often each is timed.
-    """
+    """Time the forms of the elastic force, write and tell that, and return the exit code."""
     from hfsim.marching.stop import Budget
     from hfsim.output.progress import Progress
     from hfsim.output.separation import publish_separation
     from hfsim.studies.separation.measure import known_kinds, measure
 
-    elements, named, states, repeats = asked
     with as_usage():
         kinds = known_kinds(named)
     study.begin()

@@ -103,31 +103,23 @@ def compare(
     -o DIR, with a run folder for each model. A model that breaks down is a result (exit code 0); exit code 3
     means that the reference failed, 4 that a model under --require missed the bound.
     """
-    case = case or default_case()
-    plan = make_plan(case, models, (reference, channels, require), overrides, to, talk)
-    made = (max_error, repeats, error_estimate)
-    raise click.exceptions.Exit(do_comparison(plan, workers, made, require, report))
-
-
-def default_case() -> str:
-    """Return the deck to compare with when none is named."""
-    return "case.yaml" if Path("case.yaml").is_file() else "two_beams"
+    case = case or ("case.yaml" if Path("case.yaml").is_file() else "two_beams")
+    plan = make_plan(case, models, reference, channels, require, overrides, to, talk)
+    code = do_comparison(plan, workers, max_error, repeats, error_estimate, require, report)
+    raise click.exceptions.Exit(code)
 
 
 def make_plan(
     argument: str,
     models: Sequence[str],
-    judged: tuple[str, tuple[str, ...], Sequence[str]],
+    reference: str,
+    channels: Sequence[str],
+    require: Sequence[str],
     overrides: Sequence[str],
     to: Destination,
     talk: Talk,
 ) -> Plan:
     """Load the deck with every model and claim all folders; nothing is written yet.
-
-    Parameters
-    ----------
-    judged : tuple
-        Reference model, channels that count, and models that must keep the bound.
 
     Raises
     ------
@@ -141,7 +133,6 @@ def make_plan(
     from hfsim.parts.bodies.models import MODELS
     from hfsim.studies.compare.choice import chosen_models, prepare, usual_models
 
-    reference, channels, require = judged
     load = loader(argument, overrides, talk)
     chosen = chosen_models(models or usual_models(load, talk.note), reference)
     refuse_unknown("model", chosen, MODELS, "; a deck goes with --case")
@@ -160,7 +151,13 @@ def make_plan(
 
 
 def do_comparison(
-    plan: Plan, workers: Workers, made: tuple[float, int, bool], require: Sequence[str], report: bool
+    plan: Plan,
+    workers: Workers,
+    max_error: float,
+    repeats: int,
+    error_estimate: bool,
+    require: Sequence[str],
+    report: bool,
 ) -> int:
     """Run all models, write and tell the comparison, and return the exit code."""
     from hfsim.output.comparison import COLUMNS, as_rows, as_text
@@ -169,15 +166,13 @@ def do_comparison(
     from hfsim.studies.compare.study import carry_out
 
     plan.study.begin()
-    loaded, (max_error, repeats, error_estimate) = plan.prepared.decks[plan.prepared.reference], made
+    loaded = plan.prepared.decks[plan.prepared.reference]
     with (
         workers.executor(loaded.source.texts, timing=True) as executor,
         Progress(loaded.deck.name, sys.stderr, plan.study.talk.quiet) as progress,
     ):
         take = partial(save_model, plan, progress.close)
-        comparison = carry_out(
-            plan.prepared, max_error, repeats, executor, progress, error_estimate, take
-        )
+        comparison = carry_out(plan.prepared, max_error, repeats, executor, progress, error_estimate, take)
     runs = list(comparison.runs.values())
     tables = {"compare": (COLUMNS, as_rows(comparison))}
     text = as_text(comparison, plan.study.path)

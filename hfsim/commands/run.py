@@ -7,6 +7,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -63,11 +64,6 @@ class Settings:
     resume: bool
     talk: Talk
     report: bool = False
-
-    @property
-    def after(self) -> float | None:
-        """Time for all work after a run [s]."""
-        return self.wanted.after
 
 
 @click.command()
@@ -147,12 +143,7 @@ def run(
     wanted = Extras(to.plots and after != 0.0, animate, vtk, after, to.format)
     settings = Settings(overrides, wanted, not no_error_estimate, not no_diagnosis, resume, talk, report)
     if to.output == Path("-"):
-        if resume or report:
-            raise click.UsageError("--resume and --report need a folder, which -o - does not make")
-        from hfsim.commands.stream import run_to_stream
-
-        wish = (settings.error_estimate, settings.diagnosis)
-        raise click.exceptions.Exit(run_to_stream(decks, overrides, wanted, wish, talk))
+        raise click.exceptions.Exit(_run_to_stream(decks, settings))
     planned = plan_jobs(decks, settings, to)
     _refuse_blind(planned, settings)
     raise click.exceptions.Exit(worst([0, *_do_all(planned, settings, jobs)]))
@@ -175,6 +166,40 @@ def _do_all(jobs: Sequence[Job], settings: Settings, processes: int) -> list[int
 
     with Progress(plural(len(jobs), "deck"), sys.stderr, settings.talk.quiet) as shown:
         return run_batch([job.argument for job in jobs], do, processes, shown, shown.close)
+
+
+def _run_to_stream(decks: Sequence[str], settings: Settings) -> int:
+    """Simulate one deck, write its history to standard output, and return its exit code."""
+    from hfsim.output.api import carry_out
+    from hfsim.output.progress import Progress
+    from hfsim.output.report import tell
+    from hfsim.output.runfolder import Stopwatch
+    from hfsim.output.stream import Stream
+    from hfsim.output.writers import Provenance, summary_of
+
+    wanted, talk = settings.wanted, replace(settings.talk, aside=True)
+    if settings.resume or settings.report:
+        raise click.UsageError("--resume and --report need a folder, which -o - does not make")
+    if len(decks) != 1:
+        raise click.UsageError("-o - takes one deck")
+    if talk.as_json or wanted.animation or wanted.vtk:
+        raise click.UsageError("-o - writes the history alone, without --json, --animate, --vtk and --report")
+    (loaded,) = load_decks(decks, settings.overrides, talk)
+    watch = Stopwatch(wall_start=STARTED)
+    stream = Stream(sys.stdout, Provenance.of(loaded, decks[0], settings.overrides))
+    with Progress(loaded.deck.name, sys.stderr, talk.quiet or sys.stdout.isatty()) as progress:
+        result = carry_out(
+            loaded,
+            progress,
+            error_estimate=settings.error_estimate,
+            diagnosis=settings.diagnosis,
+            after=wanted.after,
+            outlines=False,
+            recording=stream,
+        )
+    result = watch.added_to(result)
+    tell(result, summary_of(result, stream.provenance, ()), None, talk, loaded.warnings)
+    return result.exit_code
 
 
 def _target(error: str | None, channels: str | None, budget: float | None) -> Iterator[str]:
@@ -334,7 +359,7 @@ def do_job(
                 progress or shown,
                 error_estimate=settings.error_estimate,
                 diagnosis=settings.diagnosis,
-                after=settings.after,
+                after=wanted.after,
                 outlines=wanted.any,
                 recording=recording,
                 memory=job.checkpoint.memory if job.checkpoint else None,
