@@ -68,13 +68,8 @@ def extreme(
     ):
         result = extreme_set(decks, chosen, budget, limit, executor, progress)
     study.publish(as_facts(result), {"extreme": (_CSV, result.cases)}, as_text(result))
-    raise click.exceptions.Exit(_exit_code(result))
-
-
-def _exit_code(result: Extreme) -> int:
-    if result.interrupted:
-        return interrupted()
-    return 0 if result.held == len(result.cases) else 4
+    missed = 0 if result.held == len(result.cases) else 4
+    raise click.exceptions.Exit(interrupted() if result.interrupted else missed)
 
 
 _CSV = (

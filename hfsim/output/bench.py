@@ -41,10 +41,6 @@ def as_rows(result: Bench) -> Iterator[Row]:
             yield from (Row(cell, point, error) for error in point.channels or (None,))
 
 
-def _of_error(name: str) -> Callable[[Row], object]:
-    return lambda row: getattr(row.error, name, None)
-
-
 def _of_channel(name: str) -> Callable[[Row], object]:
     return lambda row: row.error and getattr(row.cell, name).get(row.error.channel)
 
@@ -55,14 +51,13 @@ _OF_ERROR = ("unit", "max_abs", "max_relative", "rms_relative", "below_floor", "
 COLUMNS = (
     *(Column(name, f"point.{name}") for name in OF_POINT),
     *(Column(name, f"cell.{name}") for name in _OF_CELL),
-    Column("channel", _of_error("channel")),
-    *(Column(f"channel_{name}", _of_error(name)) for name in _OF_ERROR),
+    Column("channel", "error.channel"),
+    *(Column(f"channel_{name}", f"error.{name}") for name in _OF_ERROR),
     Column("channel_floor", _of_channel("floors")),
     Column("channel_mesh_error", _of_channel("mesh_errors")),
     Column("channel_group", lambda row: row.error and group_of(row.error.unit)),
 )
 """Columns of ``bench.csv``."""
-
 
 
 def publish_bench(result: Bench, study: Study) -> None:
@@ -196,14 +191,10 @@ def _stubborn(cells: Sequence[Cell]) -> list[str]:
         return []
     orders = {name: observed_order(cells[0], cells[-1], name) for name in cells[0].mesh_errors}
     first = cells[0].groups[:1]
-    orders = {name: order for name, order in orders.items() if not first or _group(name) == first[0]}
-    names = [name for name, order in orders.items() if order is not None and order < _NO_ORDER]
+    counted = (name for name in orders if not first or group_of(kind_of(name).unit) == first[0])
+    names = [name for name in counted if (order := orders[name]) is not None and order < _NO_ORDER]
     what = f"the mesh error of {', '.join(names)} hardly falls from mesh to mesh"
     return [wrapped(f"{what}; to judge by the others: --set output.channels=[...]")] if names else []
-
-
-def _group(channel: str) -> str:
-    return group_of(kind_of(channel).unit)
 
 
 def _degree_table(result: Bench, model: str) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -36,20 +36,14 @@ def as_rows(comparison: Comparison) -> Iterator[Row]:
         yield from (Row(model, scale, model.difference(scale.channel)) for scale in comparison.scales)
 
 
-def _of_found(name: str) -> Callable[[Row], object]:
-    return lambda row: getattr(row.found, name, None)
-
-
 COLUMNS = (
     Column("model", "model.model"),
     *(Column(name, f"scale.{name}") for name in ("channel", "unit")),
-    *(
-        Column(name, _of_found(name))
-        for name in ("max_abs", "max_relative", "rms", "time_of_max", "first_exceeded")
-    ),
+    *(Column(name, f"found.{name}") for name in ("max_abs", "max_relative", "rms", "time_of_max")),
+    Column("first_exceeded", "found.first_exceeded"),
     *(Column(name, f"scale.{name}") for name in ("reference_range", "scale", "small", "judged")),
     *(Column(name, f"model.{name}") for name in ("status", "stop_time", "solve_cpu", "adequate")),
-    *(Column(name, _of_found(name)) for name in ("time_error", "beyond", "equal")),
+    *(Column(name, f"found.{name}") for name in ("time_error", "beyond", "equal")),
     *(Column(name, f"model.{name}") for name in ("solve_cpu_min", "solve_cpu_max", "coordinates")),
     Column("group", "scale.group"),
 )
@@ -81,14 +75,14 @@ def cost_columns(comparison: Comparison) -> tuple[Column, ...]:
         return f"{percent(model.worst.beyond)} {model.worst.channel}{marks.get(model.worst.channel, '')}"
 
     def time_of(phase: str) -> Column:
-        spare = 2 + _PHASES.index(phase)
-        return Column(phase.replace("_", " "), lambda model: model.cpu_s.get(phase, 0.0), _seconds, spare)
+        name, spare = phase.replace("_", " "), 2 + _PHASES.index(phase)
+        return Column(name, lambda model: f"{model.cpu_s.get(phase, 0.0):.3f} s", spare=spare)
 
     return (
         Column("model"),
         Column("method"),
         Column("coordinates", spare=1),
-        Column("outcome", _outcome),
+        Column("outcome", lambda model: model.ended if model.broke_down else "done"),
         Column("CPU: solve", _solve),
         *(time_of(phase) for phase in _PHASES if any(phase in m.cpu_s for m in comparison.models)),
         Column("time error", lambda model: None if model.time_error is None else percent(model.time_error)),
@@ -101,14 +95,6 @@ def _solve(model: ModelResult) -> str | None:
         return None
     spread = Spread(model.solve_cpu, model.solve_cpu_min, model.solve_cpu_max)
     return f"{model.solve_cpu:.4f} s" + (f" {spread.percent}" if model.repeats > 1 else "")
-
-
-def _seconds(time: float) -> str:
-    return f"{time:.3f} s"
-
-
-def _outcome(model: ModelResult) -> str:
-    return model.ended if model.broke_down else "done"
 
 
 def difference_columns(comparison: Comparison) -> tuple[tuple[Column, ...], list[Column]]:

@@ -80,9 +80,14 @@ def keep_room(path: Path) -> None:
             file.write(bytes(ROOM))
 
 
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file of some bytes in one move."""
+    write_whole(path, lambda file: file.write(data))
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text file in one move."""
-    write_whole(path, lambda file: file.write(text.encode()))
+    write_bytes(path, text.encode())
 
 
 def write_json(path: Path, facts: Mapping[str, Any]) -> None:

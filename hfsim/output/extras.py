@@ -104,8 +104,10 @@ def _steps(run: Run, wanted: Extras, folder: Path) -> Iterator[tuple[str, Callab
 def _pictures(run: Run, wanted: Extras, folder: Path) -> Made:
     from hfsim.output.pictures import put_pictures
 
-    after = wanted.after
-    budget = None if after is None else Budget(after - _spent_after(run), time.process_time)
+    budget, cpu = None, run.statistics.get("cpu_s") or {}
+    if wanted.after is not None:
+        spent = sum(cpu.get(name, 0.0) for name in AFTER)  # of the time for all work after the run
+        budget = Budget(wanted.after - spent, time.process_time)
     names = put_pictures(partial(_draw, run, budget), folder, wanted.format)
     if budget is not None and budget.left <= 0.0:
         return names, f"{plural(len(names), 'picture')} drawn until time was up; allow more with --after"
@@ -118,12 +120,6 @@ def _draw(run: Run, budget: Budget | None, folder: Path) -> Iterable[str]:
     from hfsim.output.plots.run import draw_run  # half a second of matplotlib, for those who want pictures
 
     return draw_run(run, folder, budget)
-
-
-def _spent_after(run: Run) -> float:
-    """Return the CPU time of the work after a run so far [s]."""
-    spent = run.statistics.get("cpu_s") or {}
-    return float(sum(spent.get(name, 0.0) for name in AFTER))
 
 
 def _animation(run: Run, folder: Path) -> Made:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -129,20 +129,14 @@ def _method(run: Run, summary: Mapping[str, Any]) -> str:
     return ", ".join(told.get(name, name) for name in run.method.split(", "))
 
 
-def _known_error(summary: Mapping[str, Any]) -> float | None:
-    """Return the larger of the errors of time and mesh in their worst channels; None where none is known."""
-    known = (summary["error_estimate"], summary["mesh_error_estimate"])
-    return max((error for error in known if error is not None), default=None)
-
-
 def error_of(channel: Channel, summary: Mapping[str, Any]) -> float | None:
     """Return the error of a channel in its unit: its own where it is known, else what the worst one tells."""
     each = (summary.get(f"{name}_by_channel") or {} for name in ("error", "mesh_error"))
     own = [float(errors[channel.name]) for errors in each if channel.name in errors]
     if own:
         return max(own)
-    worst = _known_error(summary)
-    return None if worst is None else worst * float(channel.values.max() - channel.values.min())
+    worst = [summary[name] for name in ("error_estimate", "mesh_error_estimate") if summary[name] is not None]
+    return max(worst) * float(channel.values.max() - channel.values.min()) if worst else None
 
 
 def errors(summary: Mapping[str, Any]) -> str:
@@ -184,6 +178,7 @@ def level_table(found: Mapping[str, Any]) -> list[str]:
     level = Column("level", lambda one: f"{one['number']}{'*' * (one['number'] == chosen['number'])}")
     where = f" in {chosen['channel']}" if chosen["channel"] else ""
     came = f"target error {found['target']:g}: {found['status']}, estimate {brief(found['estimate'])}{where}"
+    fixed = ", ".join(found["fixed_meshes"])
     marks = "mesh: elements x degree; change: of the level refined, relative to the channel's range"
     return [
         wrapped(f"{came}; {found['cpu_s']:.2f} s CPU in {len(found['levels'])} levels"),
@@ -191,7 +186,7 @@ def level_table(found: Mapping[str, Any]) -> list[str]:
         wrapped(marks, "    "),
         wrapped(f"* {chosen['why']}", "    "),
         *(one if "  " in one.lstrip() else wrapped(one.lstrip(), "    ") for one in method_lines(found)),
-        *_fixed_meshes(found["fixed_meshes"]),
+        *([f"    not counted: mesh errors of {fixed}, whose elements the deck fixes"] if fixed else []),
     ]
 
 
@@ -223,14 +218,6 @@ def method_lines(found: Mapping[str, Any] | None) -> list[str]:
     lines += table(_RACES, found["probes"], "    ").split("\n")
     share = found["probing_cpu_s"] / max(found["cpu_s"], 1e-9)
     return [*lines, f"    races took {found['probing_cpu_s']:.2f} s of CPU, {share:.0%} of the whole"]
-
-
-def _fixed_meshes(beams: Sequence[str]) -> list[str]:
-    return (
-        [f"    not counted: mesh errors of {', '.join(beams)}, whose elements the deck fixes"]
-        if beams
-        else []
-    )
 
 
 _WIDEST = 60

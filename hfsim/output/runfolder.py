@@ -78,7 +78,7 @@ class RunFolder:
         """
         with disk(self.path):
             self.path.mkdir(parents=True, exist_ok=True)
-            self._hold()
+            self._lock = _locked(self.path) if self._lock is None else self._lock
             if summary is not None:
                 files = list(dict.fromkeys([*summary["files"], *self.stale]))
                 write_json(self.path / SUMMARY, {**summary, "files": files})
@@ -99,10 +99,6 @@ class RunFolder:
         with suppress(OSError):
             self.path.rmdir()
         self.release()
-
-    def _hold(self) -> None:
-        if self._lock is None:
-            self._lock = _locked(self.path)
 
     def release(self) -> None:
         """Let other processes write there again."""
@@ -286,15 +282,12 @@ def _inside(path: Path, studies: Collection[str]) -> Iterator[RunFolder]:
         runs += [path / "runs" / name for name in _names(path, "runs/[0-9]*")]
     every = {**{one: _stale(one, [SUMMARY]) for one in runs}, **kept}
     # a link leads to what was put elsewhere on purpose
-    yield from (RunFolder(one, stale=stale) for one, stale in every.items() if _is_own_folder(one))
+    own = (one for one in every if one.is_dir() and not one.is_symlink())
+    yield from (RunFolder(one, stale=every[one]) for one in own)
 
 
 def _names(path: Path, pattern: str) -> tuple[str, ...]:
     return tuple(one.name for one in path.glob(pattern) if not one.parent.is_symlink())
-
-
-def _is_own_folder(path: Path) -> bool:
-    return path.is_dir() and not path.is_symlink()
 
 
 def _present(path: Path, marker: str) -> list[str]:

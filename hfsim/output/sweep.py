@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -282,18 +283,13 @@ def sweep_facts(sweep: Sweep, wall: float, jobs: int) -> dict[str, Any]:
         "runs": len(sweep),
         "missing": sweep.missing,
         "counts": sweep.counts,
-        "classes": _counted(sweep["class"]),
+        "classes": dict(sorted(Counter(filter(None, sweep["class"].tolist())).items())),
         "jobs": jobs,
         "wall_s": wall,
         "cpu_s": float(np.nansum(cpu)),
         "ranges": {name: _range(sweep, name) for name in sweep.collected},
         "main_effects": {} if sweep.plan.kind == "sensitivity" else main_effects(sweep),
     }
-
-
-def _counted(words: Iterable[str]) -> dict[str, int]:
-    names, counts = np.unique([word for word in words if word], return_counts=True)
-    return {str(name): int(count) for name, count in zip(names, counts, strict=True)}
 
 
 def _range(sweep: Sweep, name: str) -> dict[str, Any] | None:

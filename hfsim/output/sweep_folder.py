@@ -10,14 +10,13 @@ import os
 import time
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from hfsim.deck.ranges import written
 from hfsim.errors import HfsimError
 from hfsim.marching.stop import SHIELD
-from hfsim.output.disk import disk, write_json, write_whole
+from hfsim.output.disk import disk, write_bytes, write_json, write_whole
 from hfsim.output.runfolder import SWEEP, FolderError, RunFolder, claim, folder_name
 from hfsim.output.talk import Destination
 from hfsim.output.writers import cell, differences, first_lines, json_ready
@@ -66,7 +65,8 @@ class SweepFolder:
             self._file = os.open(self.path / RUNS, os.O_RDWR | getattr(os, "O_CLOEXEC", 0))
             self._end = self._read() if resume else 0
             os.ftruncate(self._file, self._end)
-            self._tell("running")
+            told = {"status": "running", **self.facts, "files": [RUNS, SWEEP]}
+            write_json(self.path / SWEEP, json_ready(told))
 
     def missing(self, number: int) -> bool:
         """Tell whether a run is yet to be done."""
@@ -84,7 +84,7 @@ class SweepFolder:
             for name, data in files.items():
                 place = self.path / name.format(number=number + 1)
                 place.parent.mkdir(parents=True, exist_ok=True)
-                write_whole(place, partial(_put, data))
+                write_bytes(place, data)
             line = json.dumps({"run": number + 1, **row}, allow_nan=False, ensure_ascii=False) + "\n"
             text = line.encode()
             try:
@@ -154,18 +154,10 @@ class SweepFolder:
             os.fsync(self._file)
             write_whole(self.path / "sweep.csv", lambda file: file.writelines(lines()))
 
-    def _tell(self, status: str) -> None:
-        facts = {"status": status, **self.facts, "files": [RUNS, SWEEP]}
-        write_json(self.path / SWEEP, json_ready(facts))
-
     def close(self) -> None:
         """Let go of the folder."""
         os.close(self._file)
         self.folder.release()
-
-
-def _put(data: bytes, file: BinaryIO) -> None:
-    file.write(data)
 
 
 def claim_sweep(to: Destination, name: str, resume: bool) -> tuple[RunFolder, bool]:

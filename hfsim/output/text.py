@@ -69,7 +69,7 @@ class Column(NamedTuple):
         Heading.
     of : str or callable
         How a row gives its value: a path of attributes or keys such as ``verdict.outcome``, or a function of
-        the row. Without it, the attribute or key called as the column.
+        the row. Without it, the attribute or key called as the column. Of what is not there None.
     form : str or callable
         How text shows a value: a format such as ``.3g``, or a function from the value to text. None is
         a dash unless a function says otherwise. Files take no notice of it.
@@ -94,6 +94,8 @@ class Column(NamedTuple):
         if callable(self.of):
             return self.of(row)
         for key in self.of.split(".") if self.of else (self.name,):
+            if row is None:
+                break
             row = row.get(key) if isinstance(row, Mapping) else getattr(row, key)
         return row
 

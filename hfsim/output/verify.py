@@ -66,7 +66,9 @@ def as_text(result: Verification) -> str:
         misses = [wrapped(f"{_what(row)}: {row.reason}") for row in rows if row.reason]
         lines = _indented(table(_TEXT, rows).splitlines(), rows)
         blocks.append("\n".join([_head(name, rows[0]), *lines, *misses]))
-    return "\n\n".join([*blocks, _last(result)])
+    count = plural(len(result.rows), "published value")
+    last = f"{result.held} of {count} within their bounds; {result.used:.3g} s used"
+    return "\n\n".join([*blocks, last])
 
 
 def _indented(lines: Sequence[str], rows: Sequence[Row]) -> Iterator[str]:
@@ -86,11 +88,6 @@ def _by_deck(result: Verification) -> Iterator[tuple[str, list[Row]]]:
 
 def _head(name: str, row: Row) -> str:
     return f"{name}: {row.source}"
-
-
-def _last(result: Verification) -> str:
-    count = plural(len(result.rows), "published value")
-    return f"{result.held} of {count} within their bounds; {result.used:.3g} s used"
 
 
 def as_markdown(result: Verification) -> str:

@@ -193,11 +193,9 @@ def _texts(figure: Figure) -> Iterator[Text]:
     for legend in figure.legends:
         yield from legend.get_texts()
     for axes in figure.axes:
-        yield from axes.findobj(Text) if any(map(_named, (axes.xaxis, axes.yaxis))) else _own(axes)
-
-
-def _named(axis: Axis) -> bool:
-    return isinstance(axis.get_major_locator(), FixedLocator)
+        locators = (axis.get_major_locator() for axis in (axes.xaxis, axes.yaxis))
+        named = any(isinstance(one, FixedLocator) for one in locators)
+        yield from axes.findobj(Text) if named else _own(axes)
 
 
 def _own(axes: Axes) -> Iterator[Text]:

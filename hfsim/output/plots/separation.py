@@ -39,7 +39,7 @@ def _separation_figure(result: SeparationBench, kind: str) -> Figure:
     figure = new_figure((10.0, 7.0))
     grid = figure.subplots(2, 3, sharex=True, sharey="row")
     for column, (name, words) in enumerate(_SEPARATION_TIMES.items()):
-        above, below = grid[:, column]
+        (above, below), per = grid[:, column], STEPS if name == "run" else 1
         for batch, (at, form) in product(batches, enumerate(cells[0].forms)):
             mine = [cell for cell in cells if cell.states == batch]
             colour, marker = _FORM_STYLES.get(form.form, ("0.3", "x"))
@@ -51,7 +51,7 @@ def _separation_figure(result: SeparationBench, kind: str) -> Figure:
             spreads = [getattr(one, name) for one in forms]
             middle = 1e6 * np.array([one.median for one in spreads])
             ends = 1e6 * np.array([[one.least for one in spreads], [one.most for one in spreads]])
-            above.errorbar(sizes, middle / _per_run(name), np.abs(ends - middle) / _per_run(name), **style)
+            above.errorbar(sizes, middle / per, np.abs(ends - middle) / per, **style)
             below.plot(sizes, [100.0 * getattr(one, f"{name}_ratio") for one in forms], **style)
         below.axhline(100.0 * PAPER_RATIO, color="0.5", linestyle=":", label="the paper's ratio, 10 %")
         above.text(0.04, 0.96, words, transform=above.transAxes, va="top")
@@ -67,7 +67,3 @@ def _separation_figure(result: SeparationBench, kind: str) -> Figure:
 
 
 _SEPARATION_TIMES = {"force": "force", "both": "force and tangent", "run": "a step of the whole run"}
-
-
-def _per_run(name: str) -> int:
-    return STEPS if name == "run" else 1

@@ -7,9 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from hfsim.marching.solution import Run, Snapshot
-from hfsim.maths.arrays import Array
 from hfsim.output.plots.ink import Colour, Mark, Pen
-from hfsim.output.plots.panel import Curve, Panel, mark_zero
+from hfsim.output.plots.panel import Curve, mark_zero
 from hfsim.output.plots.scale import with_unit
 from hfsim.output.plots.sheet import Sheet
 from hfsim.output.plots.space import views_of
@@ -44,13 +43,11 @@ def _shapes(run: Run, shots: list[Snapshot]) -> Sheet:
     sheet, views = views_of(every)
     for pair, panel in views.items():
         for k, shot in enumerate(shots):
+            own, words = _own(shots, k), f"t = {shot.t:.6g} s"
+            mark = Mark("o", 3.0, own, own)
             for points in shot.points.values():
-                _draw_body(panel, points[:, pair], _own(shots, k), f"t = {shot.t:.6g} s")
+                panel.things.append(Curve(points[:, pair], Pen(own, 1.5), words, mark, ends=True))
     return sheet.finish(headline(run, "shapes of the bodies"), list(views.values()))
-
-
-def _draw_body(panel: Panel, points: Array, own: Colour, label: str) -> None:
-    panel.things.append(Curve(points, Pen(own, 1.5), label, Mark("o", 3.0, own, own), ends=True))
 
 
 def _along(run: Run, body: str, shots: list[Snapshot]) -> Sheet:
