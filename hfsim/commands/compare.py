@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -160,7 +160,7 @@ def do_comparison(
     report: bool,
 ) -> int:
     """Run all models, write and tell the comparison, and return the exit code."""
-    from hfsim.output.comparison import COLUMNS, as_rows, as_text
+    from hfsim.output.comparison import COLUMNS, as_rows, as_text, comparison_page
     from hfsim.output.progress import Progress
     from hfsim.studies.compare.result import as_facts
     from hfsim.studies.compare.study import carry_out
@@ -177,15 +177,9 @@ def do_comparison(
     tables = {"compare": (COLUMNS, as_rows(comparison))}
     text = as_text(comparison, plan.study.path)
     draw = None if comparison.interrupted else drawn_by("comparison:draw_comparison", runs, comparison)
-    page = partial(_page, comparison, plan.prepared) if report else None
+    page = partial(comparison_page, comparison, loaded.source.text) if report else None
     plan.study.publish(as_facts(comparison), tables, text, draw, page)
     return _exit_code(comparison, require)
-
-
-def _page(comparison: Comparison, prepared: Prepared, facts: Mapping[str, Any], folder: Path) -> str:
-    from hfsim.output.comparison_page import comparison_page
-
-    return comparison_page(comparison, prepared.decks[prepared.reference].source.text, facts, folder)
 
 
 def _exit_code(comparison: Comparison, require: Sequence[str]) -> int:

@@ -1,13 +1,16 @@
-"""What people read of a comparison of models, and the columns of its table."""
+"""What people read of a comparison of models, as text and as one page, and the columns of its table."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from hfsim.marching.distance import ChannelScale
+from hfsim.output.page import doubts, html_table, origin, page, pictures, section
 from hfsim.output.text import Column, for_a_file, line_width, plural, table, wrapped
+from hfsim.output.writers import warnings_of
 from hfsim.studies.compare.difference import Difference
 from hfsim.studies.compare.result import Comparison, ModelResult
 from hfsim.studies.compare.words import percent
@@ -179,3 +182,37 @@ def _departure(model: ModelResult) -> Iterator[str]:
         yield f"first passes the bound at {first.first_exceeded:.4g} s, in {first.channel}"
     if model.broke_down:
         yield model.why_ended
+
+
+# --- page ----------------------------------------------------------------------------------------
+
+
+def comparison_page(comparison: Comparison, deck: str, facts: Mapping[str, Any], folder: Path) -> str:
+    """Return a comparison as one page of HTML: verdict, tables, what is doubtful, overlays, deck.
+
+    Parameters
+    ----------
+    deck : str
+        The text of the deck.
+    facts : mapping
+        What ``compare.json`` has, the pictures among its files.
+    folder : Path
+        Of these.
+    """
+    runs = comparison.runs.items()
+    warnings = [f"{model}: {warning}" for model, run in runs for warning in warnings_of(run)]
+    head, others = difference_columns(comparison)
+    marks = "".join(f"<p>{escape(mark)}</p>" for mark in marks_in(comparison))
+    parts = [
+        section("Verdict", f"<p>{escape(comparison.sentence.removeprefix('verdict: '))}</p>"),
+        section("Models", _table(cost_columns(comparison), comparison.models)),
+        section("Differences", _table((*head, *others), comparison.scales) + marks),
+        section("What is doubtful", doubts([*doubts_on(comparison), *warnings, *facts.get("warnings", ())])),
+        *pictures(folder, facts["files"]),
+        *origin(facts, deck),
+    ]
+    return page(f"{comparison.name}: models compared", parts, facts["versions"])
+
+
+def _table(columns: Sequence[Column], rows: Sequence[Any]) -> str:
+    return html_table([one.name for one in columns], [[one.text(row) for one in columns] for row in rows])

@@ -26,7 +26,6 @@ from hfsim.maths.shapes import gauss_legendre
 from hfsim.parts.elements import ElasticLaw, Element, join_laws
 from hfsim.parts.elements._base import USUAL, Measures
 from hfsim.parts.elements.continuum import Continuum, elasticity, strain_pairs
-from hfsim.studies.separation.unlike import UnlikeLaw
 
 
 class StiffnessForm:
@@ -111,6 +110,49 @@ class NodalLaw:
     def joined(self, other: NodalLaw) -> NodalLaw:
         """Return the law of this one's elements followed by the other's, which are equal to them."""
         return replace(self, energies=join_laws([self.energies, other.energies]))
+
+
+@dataclass(frozen=True)
+class UnlikeLaw:
+    """The laws of elements that are not equal, one by one.
+
+    Attributes
+    ----------
+    laws : tuple of ElasticLaw
+        Of one element each.
+    """
+
+    laws: tuple[ElasticLaw, ...]
+
+    @property
+    def quartic(self) -> bool:
+        """Return what they say."""
+        return all(law.quartic for law in self.laws)
+
+    @property
+    def shared(self) -> Hashable:
+        """Nothing but the kind."""
+        return UnlikeLaw
+
+    def joined(self, other: UnlikeLaw) -> UnlikeLaw:
+        """Return the law of this one's elements followed by the other's."""
+        return UnlikeLaw(self.laws + other.laws)
+
+    def energy(self, V: Array) -> Array:
+        """Return the stored energy of each element [J], shape (..., n_elements)."""
+        each = [law.energy(V[..., e : e + 1, :, :]) for e, law in enumerate(self.laws)]
+        return np.concatenate(each, axis=-1)
+
+    def pull(self, v: Array) -> Array:
+        """Return dU/dV [J] in rows."""
+        parts = np.split(v, len(self.laws), axis=-1)
+        pulled = [law.pull(np.ascontiguousarray(p)) for law, p in zip(self.laws, parts, strict=True)]
+        return np.concatenate(pulled, axis=-1)
+
+    def hessian(self, V: Array) -> Array:
+        """Return d2U/dV2 [J], shape (..., n_elements, n_vectors * n_dim, n_vectors * n_dim)."""
+        each = [law.hessian(V[..., e : e + 1, :, :]) for e, law in enumerate(self.laws)]
+        return np.concatenate(each, axis=-3)
 
 
 @lru_cache(maxsize=16)
