@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -56,6 +57,23 @@ def unit_of_quantity(quantity: Quantity) -> str:
 def channels_of(quantities: Iterable[Quantity]) -> tuple[str, ...]:
     """Return the channels that quantities are of, each once."""
     return tuple(dict.fromkeys(one.channel for one in quantities if one.channel))
+
+
+class Answer(NamedTuple):
+    """What was found of one quantity.
+
+    Attributes
+    ----------
+    reason : str
+        Why there is no value.
+    failed : bool
+        Whether that is because nothing at all was found.
+    """
+
+    value: float | None
+    time_error: float | None = None
+    reason: str = ""
+    failed: bool = False
 
 
 class Collector:
@@ -112,6 +130,13 @@ class Collector:
         if along is None or not along.time:
             raise CollectError(f"{quantity}: no step was made")
         return along.value(quantity)
+
+    def answer(self, quantity: Quantity, run: Run) -> Answer:
+        """Return the same, or why there is none."""
+        try:
+            return Answer(self.value(quantity, run))
+        except CollectError as error:
+            return Answer(None, reason=str(error))
 
     def _at_time(self, quantity: Quantity, run: Run, time: float) -> float:
         """Return the value at a time: a row's, else what the steps had there."""

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from hfsim.deck.quantities import Quantity
 from hfsim.errors import DeckError
@@ -15,11 +15,8 @@ from hfsim.marching.stop import Budget, nobody
 from hfsim.scene.loading import LoadedDeck, parse_deck
 from hfsim.scene.more_channels import with_channels
 from hfsim.simulate import simulate
-from hfsim.studies.collect import CollectError, Collector, channels_of
+from hfsim.studies.collect import Answer, Collector, channels_of
 from hfsim.studies.sweep.collected import Collected
-
-if TYPE_CHECKING:
-    from hfsim.studies.verify.finders import Answer
 
 Row = dict[str, Any]
 """Facts of a run, JSON-ready: the attributes of `FACTS`, and ``collected``, a number or None each."""
@@ -166,18 +163,11 @@ def _collected(
     values, why = list[float | None](), ""
     for one in quantities:
         found = known.get(one)
-        value, reason = (found.value, found.reason) if found else _of_run(one, run, collector)
-        values.append(_finite(value))
-        why = why or reason
+        if found is None:
+            found = collector.answer(one, run) if run.status == "done" else Answer(None, reason=run.reason)
+        values.append(_finite(found.value))
+        why = why or found.reason
     return values, why
-
-
-def _of_run(quantity: Quantity, run: Run, collector: Collector) -> tuple[float | None, str]:
-    """Return a quantity of a run, or why there is none."""
-    try:
-        return (collector.value(quantity, run), "") if run.status == "done" else (None, run.reason)
-    except CollectError as error:
-        return None, str(error)
 
 
 def row_without(status: str, reason: str, setting: Setting, kind: str = "") -> Row:

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from hfsim.marching.solution import Run
 from hfsim.scene.loading import LoadedDeck, parse_deck
 from hfsim.scene.schema import SolveSpec
 from hfsim.simulate import simulate
-from hfsim.studies.collect import CollectError, Collector
+from hfsim.studies.collect import Answer, Collector
 
 _SHARE = 0.25
 """Part of its bound that the error in time of a value may be."""
@@ -27,23 +27,6 @@ _SHORTER = (1.0, 0.5, 0.25, 0.125)
 """The same of fixed steps."""
 _LEAST = 1e-13
 """Tolerance of the tightest run [-]: beyond, its error is rounding."""
-
-
-class Answer(NamedTuple):
-    """What was found of one quantity.
-
-    Attributes
-    ----------
-    reason : str
-        Why there is no value.
-    failed : bool
-        Whether that is because nothing at all was found.
-    """
-
-    value: float | None
-    time_error: float | None = None
-    reason: str = ""
-    failed: bool = False
 
 
 @dataclass(frozen=True)
@@ -134,13 +117,7 @@ def _run(order: Order, loaded: LoadedDeck) -> tuple[Answer, ...]:
     run = simulate(loaded, error_estimate=False, outlines=False, reader=collector)
     if run.status != "done":
         return _without(order, f"{run.status} at t = {run.stop_time:.6g} s: {run.reason}")
-    found = []
-    for quantity in order.quantities:
-        try:
-            found.append(Answer(collector.value(quantity, run)))
-        except CollectError as error:
-            found.append(Answer(None, reason=str(error)))
-    return tuple(found)
+    return tuple(collector.answer(one, run) for one in order.quantities)
 
 
 # --- at rest -------------------------------------------------------------------------------------

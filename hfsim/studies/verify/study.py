@@ -15,9 +15,9 @@ from hfsim.marching.stop import Progress, nobody
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.published import RowSpec, VerifySpec
 from hfsim.scene.shipped import CASES, shipped_cases
-from hfsim.studies.collect import channels_of, unit_of_quantity
+from hfsim.studies.collect import Answer, channels_of, unit_of_quantity
 from hfsim.studies.farm import Executor, Outcome, Task
-from hfsim.studies.verify.finders import Answer, Order, answer
+from hfsim.studies.verify.finders import Order, answer
 from hfsim.studies.verify.result import FAILED, HELD, MISSED, Row, Verification
 
 FOLDER = CASES / "verify"
