@@ -181,13 +181,6 @@ class Executor(ABC):
             self._queue.append(task)
         return self._queue.popleft() if self._queue else None
 
-    def _lost(self, task: Task, why: str) -> Iterator[Outcome]:
-        """Queue a task once more whose worker was lost, or yield that it has no result."""
-        if task.tries > 1:
-            self._queue.appendleft(replace(task, tries=task.tries - 1))
-        else:
-            yield Outcome(task.key, lost=why)
-
 
 @dataclass
 class Here(Executor):
@@ -278,7 +271,10 @@ class Farm(Executor):
             worker.process.join(_GRACE)
             why = _death(worker.process.exitcode)
             self._dismiss(worker)
-            yield from self._lost(task, why)
+            if task.tries > 1:  # once more
+                self._queue.appendleft(replace(task, tries=task.tries - 1))
+            else:
+                yield Outcome(task.key, lost=why)
             return
         worker.task = None
         yield Outcome(task.key, value, lost)

@@ -109,17 +109,14 @@ def _halved(step: float) -> Second:
 def _measured(run: Compared, second: Second, guard: Progress, seconds: float) -> Estimate:
     """Make a second run and return the error that follows from its distance."""
     again, reason, ends = _again(run, second, guard, seconds)
-    if "tolerance" in second.update and len(ends) > 1 and _alike(_step_ends(run), ends):
+    own = np.concatenate([leg.done.trajectory.step_ends() for leg in run.legs])
+    if "tolerance" in second.update and len(ends) > 1 and _alike(own, ends):
         return Estimate(None, f"a second run with {second.words} {SAME}")
     found = run.distance(again, second.part)
     if found.error is None or not reason:
         return found._replace(reason=reason or found.reason, by=f"distance to a run with {second.words}")
     so_far = f"{reason}; until {found.until or run.end:.4g} s the error is {found.error:.2g}"
     return Estimate(None, so_far, until=found.until)
-
-
-def _step_ends(run: Compared) -> Array:
-    return np.concatenate([leg.done.trajectory.step_ends() for leg in run.legs])
 
 
 def _alike(ends: Array, others: Array) -> bool:

@@ -180,10 +180,9 @@ def limits(curves: Sequence[Array], diverged: bool) -> tuple[float, float, bool]
     >>> limits([np.append(np.linspace(0.0, 1.0, 99), 1e9)], True)[2]
     True
     """
-    low, high = min(map(_least, curves)), max(map(_most, curves))
+    low, high = _ends(curves)
     if diverged:
-        before = [values[: max(2, int(_BEFORE * len(values)))] for values in curves]
-        calm = min(map(_least, before)), max(map(_most, before))
+        calm = _ends([values[: max(2, int(_BEFORE * len(values)))] for values in curves])
         room = 2.0 * (calm[1] - calm[0])
         if room > 0.0 and high - low > 4.0 * room:
             return calm[0] - 0.25 * room, calm[1] + 0.25 * room, True
@@ -191,12 +190,9 @@ def limits(curves: Sequence[Array], diverged: bool) -> tuple[float, float, bool]
     return low - margin, high + margin, False
 
 
-def _least(values: Array) -> float:
-    return float(np.nanmin(values))
-
-
-def _most(values: Array) -> float:
-    return float(np.nanmax(values))
+def _ends(curves: Sequence[Array]) -> tuple[float, float]:
+    every = np.concatenate(curves)
+    return float(np.nanmin(every)), float(np.nanmax(every))
 
 
 def covering(curves: Sequence[Array], height: float) -> list[int]:

@@ -60,10 +60,6 @@ class Truth(Agreement):
         together = zip(alike(channels, self.channels), self.channels, self.scales, strict=True)
         return tuple(channel_error(c.values, t.values, s, self.floors[s.channel]) for c, t, s in together)
 
-    def judged_errors(self, channels: Sequence[Channel]) -> dict[str, float]:
-        """Return how far those that count are from these, over their scales [-]."""
-        return {e.channel: e.max_relative for e in self.errors(channels) if e.judged}
-
 
 @dataclass
 class Work:
@@ -162,7 +158,8 @@ def _split(works: Sequence[Work], fine: Work) -> None:
         if work is fine or work.truth is None:
             continue
         work.fine = fine.truth
-        errors = fine.truth.judged_errors(work.truth.channels)
+        apart = fine.truth.errors(work.truth.channels)
+        errors = {one.channel: one.max_relative for one in apart if one.judged}
         worst, largest = fine.truth.first_worst(work.truth.channels)
         work.note(mesh_error=largest, mesh_channel=worst, mesh_errors=errors)
         work.note(mesh_reference=fine.cell.elements, mesh_reference_degree=fine.cell.degree)

@@ -47,11 +47,8 @@ class Bench(Columns):
     def __repr__(self) -> str:
         """Return what it is in a line: its points would fill the screen."""
         done = sum(point.status == "done" for point in self.points)
-        return f"<Bench {self.name}: {self.status}, {done} of {len(self.points)} points; {self._best}>"
-
-    @property
-    def _best(self) -> str:
-        return next(iter(self.recommendations), "nothing to recommend")
+        best = next(iter(self.recommendations), "nothing to recommend")
+        return f"<Bench {self.name}: {self.status}, {done} of {len(self.points)} points; {best}>"
 
     @cached_property
     def columns(self) -> dict[str, Array]:  # type: ignore[override]

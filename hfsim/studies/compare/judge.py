@@ -139,16 +139,12 @@ def _held_against(
     return replace(
         result,
         differences=tuple(d for d in found if d is not None),
-        worst=max(judged, key=_far, default=None),
+        worst=max(judged, key=lambda d: (d.beyond, d.max_relative), default=None),
         adequate=within and decided,
         undecided=vague if within and not decided else None,
         time_error=own.get(channel),
         time_error_channel=channel,
     )
-
-
-def _far(found: Difference) -> tuple[float, float]:
-    return found.beyond, found.max_relative
 
 
 def _vagueness(found: Difference) -> float:
@@ -168,7 +164,8 @@ def cheapest(models: Sequence[ModelResult], reference: str = "") -> ModelResult 
         return None
     least = min(adequate, key=lambda m: m.solve_cpu)
     alike = [m for m in adequate if ties(m, least)]
-    return min(alike, key=lambda m: (-_wholeness(m.model), m.model != reference, m.solve_cpu))
+    wholeness = {m.model: _STRAINS.index(MODELS[m.model].strain) for m in alike}
+    return min(alike, key=lambda m: (-wholeness[m.model], m.model != reference, m.solve_cpu))
 
 
 def ties(one: ModelResult, other: ModelResult) -> bool:
@@ -180,7 +177,3 @@ def ties(one: ModelResult, other: ModelResult) -> bool:
 def _scatter(model: ModelResult) -> tuple[float, float]:
     half = max(0.5 * (model.solve_cpu_max - model.solve_cpu_min), _SCATTER * model.solve_cpu)
     return model.solve_cpu - half, model.solve_cpu + half
-
-
-def _wholeness(model: str) -> int:
-    return _STRAINS.index(MODELS[model].strain)

@@ -79,15 +79,11 @@ def refined(setting: Setting, kind: str, bodies: Sequence[str]) -> Setting | Non
 def coarse(loaded: LoadedDeck, target: float) -> Setting:
     """Return the setting to begin with: at most two elements a beam to be refined, a loose tolerance."""
     fixed, solve = fixed_meshes(loaded), loaded.deck.solve
-    mesh = tuple(
-        (name, spec.elements if name in fixed else _fewest(spec), spec.degree)
-        for name, spec in beams_of(loaded).items()
-    )
-    return Setting(mesh, min(_LOOSEST, 0.1 * target), solve.coordinates, solve.method)
-
-
-def _fewest(spec: BeamSpec) -> int:
-    return min(spec.elements, max(_COARSE, spec.fewest_elements))
+    mesh = []
+    for name, spec in beams_of(loaded).items():
+        most = spec.elements if name in fixed else max(_COARSE, spec.fewest_elements)
+        mesh.append((name, min(spec.elements, most), spec.degree))
+    return Setting(tuple(mesh), min(_LOOSEST, 0.1 * target), solve.coordinates, solve.method)
 
 
 def beams_of(loaded: LoadedDeck) -> dict[str, BeamSpec]:

@@ -24,7 +24,7 @@ def bisected(mapper: Mapper, plan: Plan, found: dict[Wanted, MapPoint]) -> tuple
             a, b = float(low.values[0]), float(high.values[0])
             if abs(b - a) > width * max(abs(a), abs(b)):
                 wanted[row] = ((axis.middle(a, b),), *row)
-        if not wanted or mapper.over_budget or mapper.interrupted:
+        if not wanted or mapper.used >= plan.seconds or mapper.interrupted:
             break
         points = mapper.compute(wanted.values())
         told = {one: p for one, p in points.items() if p.outcome not in _SILENT}

@@ -82,11 +82,6 @@ class Mapper:
         """Whether a signal has ended the work."""
         return self._executor.interrupted
 
-    @property
-    def over_budget(self) -> bool:
-        """Whether the time is used up."""
-        return self.used >= self._plan.seconds
-
     def compute(self, wanted: Iterable[Wanted]) -> dict[Wanted, MapPoint]:
         """Return a point for everything that is wanted, in its order; what is not reached is told so."""
         asked = list(dict.fromkeys(wanted))

@@ -76,12 +76,12 @@ def stability_map(
         boundaries = bisected(mapper, plan, found)
     left = any(p.outcome == "not computed" for p in found.values())
     status = "interrupted" if mapper.interrupted else "over budget" if left else "done"
-    axes = tuple(
-        MapAxis(axis.name, _along(axis, found, i), axis.logarithmic, axis.unit or _unit(loaded, axis.name))
-        for i, axis in enumerate(plan.axes)
-    )
+    axes = []
+    for i, axis in enumerate(plan.axes):
+        unit = axis.unit or unit_of(loaded.deck, path_in(loaded.source.data, axis.name))
+        axes.append(MapAxis(axis.name, _along(axis, found, i), axis.logarithmic, unit))
     return StabilityMap(
-        name=loaded.deck.name, status=status, axes=axes, bounds=plan.bounds, seconds=plan.seconds,
+        name=loaded.deck.name, status=status, axes=tuple(axes), bounds=plan.bounds, seconds=plan.seconds,
         used=mapper.used, points=_in_order(found.values(), plan), boundaries=boundaries,
     )  # fmt: skip
 
@@ -98,10 +98,6 @@ def _along(axis: Axis, found: dict[Wanted, MapPoint], index: int) -> tuple[Value
     if not axis.numeric:
         return axis.values
     return tuple(sorted({values[index] for values, _, _ in found}, key=float))
-
-
-def _unit(loaded: LoadedDeck, path: str) -> str:
-    return unit_of(loaded.deck, path_in(loaded.source.data, path))
 
 
 def _refuse_hopeless(loaded: LoadedDeck, plan: Plan) -> None:
