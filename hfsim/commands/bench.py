@@ -27,7 +27,6 @@ from hfsim.output.talk import Destination, Talk, print_error
 
 if TYPE_CHECKING:
     from hfsim.scene.loading import LoadedDeck
-    from hfsim.studies.bench.result import Bench
     from hfsim.studies.bench.sweep import Sweep
     from hfsim.studies.cluster import Workers
 
@@ -162,7 +161,14 @@ def do_bench(
         budget = Budget(seconds - drawing, time.process_time, started, progress)
         result = measure(loaded, sweep, budget, executor, drawing)
     publish_bench(result, study)
-    return _exit_code(result)
+    if result.status == "interrupted":
+        return interrupted()
+    for cell in result.cells:
+        if cell.status != "done":
+            print_error(f"{cell.model}, {cell.mesh}: no reference: {cell.reason}")
+    if result.status == "limit":
+        print_error(f"error: the budget of {result.budget:g} s did not suffice for a single point")
+    return {"done": 0, "failed": 3, "limit": 5}[result.status]
 
 
 def do_separation(
@@ -192,14 +198,3 @@ def do_separation(
     if result.status == "interrupted":
         return interrupted()
     return {"done": 0, "wrong": 4}[result.status]
-
-
-def _exit_code(result: Bench) -> int:
-    if result.status == "interrupted":
-        return interrupted()
-    for cell in result.cells:
-        if cell.status != "done":
-            print_error(f"{cell.model}, {cell.mesh}: no reference: {cell.reason}")
-    if result.status == "limit":
-        print_error(f"error: the budget of {result.budget:g} s did not suffice for a single point")
-    return {"done": 0, "failed": 3, "limit": 5}[result.status]

@@ -15,17 +15,10 @@ from hfsim.errors import HfsimError
 from hfsim.output.talk import Talk
 from hfsim.output.text import at_terminal, plural, wrapped
 
-_NOUNS = {
-    "joints": "joint",
-    "springs": "spring",
-    "loads": "load",
-    "unknowns": "unknown",
-    "multipliers": "multiplier",
-    "degrees_of_freedom": "degree of freedom",
-}
-"""Facts of an assembled scene in the order they are told: their noun."""
-_ALWAYS = ("unknowns", "multipliers")
-"""Facts that are told even when they are zero."""
+_NOUNS = ("joint", "spring", "load", "unknown", "multiplier")
+"""Of what an assembled scene has, in the order it is told."""
+_ALWAYS = ("unknown", "multiplier")
+"""What is told even when there is none."""
 _MOST = 4
 """Other ways to close the joints that are told."""
 _MOST_MOTIONS = 12
@@ -129,8 +122,7 @@ def describe(facts: Mapping[str, Any]) -> str:
     from hfsim.parts.bodies import BODIES
 
     parts = [plural(count, BODIES[kind].noun) for kind, count in facts["bodies"].items()]
-    for key, noun in _NOUNS.items():
-        if facts.get(key) or key in _ALWAYS:
-            first, *rest = noun.split(" ", 1)
-            parts.append(" ".join([plural(facts[key], first), *rest]))
+    parts += [plural(facts[f"{one}s"], one) for one in _NOUNS if facts.get(f"{one}s") or one in _ALWAYS]
+    if count := facts.get("degrees_of_freedom"):
+        parts.append(f"{plural(count, 'degree')} of freedom")
     return ", ".join(parts)

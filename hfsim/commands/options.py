@@ -201,25 +201,19 @@ def period_option(words: str) -> _Option:
     def read(_: click.Context, __: click.Parameter, text: str | None) -> float | None:
         if text is None:
             return None
-        for meant in (seconds, _of_turns, _of_swings):
+        from hfsim.deck.units import parse_quantity
+
+        for meant in (
+            seconds,
+            lambda text: 2.0 * math.pi / parse_quantity(text, "angular_velocity"),
+            lambda text: 1.0 / parse_quantity(text, "frequency"),
+        ):
             with suppress(ValueError, ZeroDivisionError):
                 if 0.0 < (period := meant(text)) < math.inf:
                     return period
         raise click.BadParameter(f"'{text}' is no period; write e.g. 0.5, 20 ms, 50 Hz, 40 rad/s or 600 rpm")
 
     return click.option("--period", metavar="T", callback=read, help=words)
-
-
-def _of_turns(text: str) -> float:
-    from hfsim.deck.units import parse_quantity
-
-    return 2.0 * math.pi / parse_quantity(text, "angular_velocity")
-
-
-def _of_swings(text: str) -> float:
-    from hfsim.deck.units import parse_quantity
-
-    return 1.0 / parse_quantity(text, "frequency")
 
 
 def time_option(name: str, words: str, default: str | None = None) -> _Option:
@@ -240,11 +234,19 @@ def count_option(name: str, default: int, words: str) -> _Option:
     return click.option(f"--{name}", type=kind, default=default, show_default=True, help=words)
 
 
+def _workers(jobs: int, dask: str, dask_config: Path | None) -> Workers:
+    from hfsim.studies.cluster import Workers
+
+    if dask and dask_config is not None:
+        raise click.UsageError("--dask and --dask-config are one or the other")
+    return Workers(jobs, dask, dask_config)
+
+
 def _workers_options(jobs: _Option) -> Callable[[_Function], _Function]:
     """Return options that say where jobs are done, as one parameter ``workers`` of a command, a `Workers`."""
     return _gathered(
         "workers",
-        lambda jobs, dask, dask_config: _workers(jobs, dask, dask_config),
+        _workers,
         jobs=jobs,
         dask=click.option(
             "--dask", metavar="ADDRESS", default="",
@@ -264,14 +266,6 @@ timing_workers_options = _workers_options(
     count_option("jobs", 1, "Processes at a time; side by side, runs disturb one another's CPU times.")
 )
 """The same where jobs are timed: one at a time unless more are asked for."""
-
-
-def _workers(jobs: int, dask: str, dask_config: Path | None) -> Workers:
-    from hfsim.studies.cluster import Workers
-
-    if dask and dask_config is not None:
-        raise click.UsageError("--dask and --dask-config are one or the other")
-    return Workers(jobs, dask, dask_config)
 
 
 def names(text: str | None) -> tuple[str, ...]:

@@ -119,17 +119,20 @@ def _column_lines(columns: Sequence[Mapping[str, Any]], verbose: bool) -> Iterab
     for entry in columns:
         needs.setdefault(entry["reason"].removeprefix("asked for; "), []).append(entry["item"])
     for need, items in needs.items():
-        shown = items if verbose else items[:_SHOWN]
-        more = f" and {len(items) - len(shown)} more" if len(shown) < len(items) else ""
-        yield wrapped(f"{need}: {', '.join(shown)}{more}")
+        yield wrapped(f"{need}: {_some(items, verbose)}")
 
 
 def _left_lines(entry: Mapping[str, Any], verbose: bool) -> Iterable[str]:
     counts = _counts(entry["saves"], verbose)
     yield wrapped(f"{entry['rule']}: {entry['leaves_out']}{counts}: {entry['reason']}")
-    shown = entry["items"] if verbose else entry["items"][:_SHOWN]
-    more = f" and {len(entry['items']) - len(shown)} more" if len(shown) < len(entry["items"]) else ""
-    yield wrapped(f"{', '.join(shown)}{more}", "    ")
+    yield wrapped(_some(entry["items"], verbose), "    ")
+
+
+def _some(names: Sequence[str], verbose: bool) -> str:
+    """Return names, of many the first and how many more there are unless verbose."""
+    shown = names if verbose else names[:_SHOWN]
+    more = f" and {len(names) - len(shown)} more" if len(shown) < len(names) else ""
+    return f"{', '.join(shown)}{more}"
 
 
 def _rules_that_do_not_fit(rules: Sequence[Mapping[str, Any]], verbose: bool) -> Iterable[str]:

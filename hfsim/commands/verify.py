@@ -15,7 +15,6 @@ from hfsim.output.talk import Destination, Talk, print_error
 
 if TYPE_CHECKING:
     from hfsim.studies.cluster import Workers
-    from hfsim.studies.verify.result import Verification
     from hfsim.studies.verify.study import Entry
 
 
@@ -44,31 +43,19 @@ def verify(
     made twice at least, each time tighter, until their error in time is small beside the bounds. Exit code
     4: a value is missed; 3: something could not be computed.
     """
-    from hfsim.studies.verify.study import published_decks
+    from hfsim.output.verify import as_list, list_facts
+    from hfsim.studies.verify.study import entries_of, entry_of, published_decks
 
-    entries = _entries(names or tuple(published_decks()), overrides, talk)
+    shipped = published_decks()  # whose names go before files of the same name
+    files = [str(shipped.get(name, name)) for name in names or shipped]
+    entries = entries_of(load_decks(files, overrides, talk, entry_of))
     if listing:
-        _tell_list(entries, talk)
+        for facts in list_facts(entries):
+            talk.facts(facts)
+        talk.result(as_list(entries))
         return
     study = Study.claim("verify", Destination(output, force), "", talk) if output else Study("verify", talk)
     raise click.exceptions.Exit(_carry_out(entries, workers, markdown, study))
-
-
-def _entries(names: tuple[str, ...], overrides: tuple[str, ...], talk: Talk) -> list[Entry]:
-    """Load all decks; names of shipped benchmarks go before files of the same name."""
-    from hfsim.studies.verify.study import entries_of, entry_of, published_decks
-
-    shipped = published_decks()
-    files = [str(shipped.get(name, name)) for name in names]
-    return entries_of(load_decks(files, overrides, talk, entry_of))
-
-
-def _tell_list(entries: list[Entry], talk: Talk) -> None:
-    from hfsim.output.verify import as_list, list_facts
-
-    for facts in list_facts(entries):
-        talk.facts(facts)
-    talk.result(as_list(entries))
 
 
 def _carry_out(entries: list[Entry], workers: Workers, markdown: bool, study: Study) -> int:
@@ -86,13 +73,9 @@ def _carry_out(entries: list[Entry], workers: Workers, markdown: bool, study: St
         result = verify(entries, executor, progress)
     text = (as_markdown if markdown else as_text)(result)
     study.publish(as_facts(result), {"verify": (COLUMNS, result.rows)}, text, asked=markdown)
-    _tell_misses(result)
-    return result.exit_code
-
-
-def _tell_misses(result: Verification) -> None:
     missed, count = len(result.rows) - result.held, len(result.rows)
     if result.interrupted:
         print_error("interrupted; what was found until then is told")
     elif missed:
         print_error(f"error: {missed} of {count} published values are not found within their bounds")
+    return result.exit_code

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from hfsim.marching.stop import Progress, nobody
@@ -23,7 +24,7 @@ from hfsim.output.arguments import (
     workers,
 )
 from hfsim.output.study import time_to_draw
-from hfsim.studies.axes import NAMED, Axis, vary_path
+from hfsim.studies.axes import NAMED, Axis, varied
 from hfsim.studies.compare.choice import usual_models
 from hfsim.studies.limits import Limits, limits_of_models
 from hfsim.studies.stability.asked import ENDINGS, Plan, axes_of
@@ -188,7 +189,7 @@ def limits(
 
 def _axes(vary: Mapping[str, Any] | None, named: Mapping[str, Any]) -> tuple[Axis, ...]:
     said: list[tuple[str, Callable[[str], Axis], str]] = [
-        (f"vary: {path}", vary_path(path, "vary"), values_text("vary", values))
+        (f"vary: {path}", partial(varied, path, "vary"), values_text("vary", values))
         for path, values in mapping("vary", vary, '{"bodies.b1.length": [1.0, 1.2]}').items()
     ]
     for name, values in named.items():

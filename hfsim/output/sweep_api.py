@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from hfsim.errors import ArgumentError
 from hfsim.marching.stop import Progress, nobody
@@ -124,8 +124,8 @@ def sweep(
     one_of("keep", keep, KEPT)
     kept = None if keep == "nothing" else keep
     to = destination(output, force, plots, resume=resume, keep=kept)
-    work = _Work(workers(jobs, dask, dask_config), to, resume, keep, progress)
-    return work.done(asked, load(deck, changes))[0]
+    where = workers(jobs, dask, dask_config)
+    return _done(asked, load(deck, changes), where, to, resume, keep, progress)[0]
 
 
 def sensitivity(
@@ -180,35 +180,33 @@ def sensitivity(
         texts, collect=several("collect", collect), many=True, limit=limit, sensitivity=True, called=_CALLED
     )
     to = destination(output, force, plots, resume=resume)
-    work = _Work(workers(jobs, dask, dask_config), to, resume, "nothing", progress)
-    result, wanted = work.done(asked, load(deck, changes))
+    where = workers(jobs, dask, dask_config)
+    result, wanted = _done(asked, load(deck, changes), where, to, resume, "nothing", progress)
     assert wanted.differences is not None
     return sensitivities(result, wanted.differences)
 
 
-class _Work(NamedTuple):
-    """How a sweep is done, and where its results go; see `sweep`."""
-
-    workers: Workers
-    to: Destination | None
-    resume: bool
-    keep: str
-    progress: Progress | None
-
-    def done(self, asked: Asked, loaded: LoadedDeck) -> tuple[Sweep, Wanted]:
-        """Do what is asked for; return all of its runs, and what they are."""
-        positive(limit=asked.limit)
-        flags(resume=self.resume)
-        callback(progress=self.progress)
-        if self.resume and self.to is not None and self.to.force:
-            raise ArgumentError("resume and force are one or the other")
-        wanted = wanted_of(asked, loaded.with_numbers(), nobody, self.keep)
-        told, texts = self.progress or nobody, wanted.loaded.source.texts
-        with self.workers.executor(texts) as executor:
-            if self.to is None:
-                result = perform(wanted, executor, Rows(wanted.plan), told)
-            else:
-                with in_arguments():
-                    result = into_folder(wanted, executor, self.to, Talk(quiet=True), told, self.resume)
-        finished(result, result.status == "interrupted", executor)
-        return result, wanted
+def _done(
+    asked: Asked,
+    loaded: LoadedDeck,
+    where: Workers,
+    to: Destination | None,
+    resume: bool,
+    keep: str,
+    progress: Progress | None,
+) -> tuple[Sweep, Wanted]:
+    """Do what is asked for; return all of its runs, and what they are."""
+    positive(limit=asked.limit)
+    flags(resume=resume)
+    callback(progress=progress)
+    if resume and to is not None and to.force:
+        raise ArgumentError("resume and force are one or the other")
+    wanted, told = wanted_of(asked, loaded.with_numbers(), nobody, keep), progress or nobody
+    with where.executor(wanted.loaded.source.texts) as executor:
+        if to is None:
+            result = perform(wanted, executor, Rows(wanted.plan), told)
+        else:
+            with in_arguments():
+                result = into_folder(wanted, executor, to, Talk(quiet=True), told, resume)
+    finished(result, result.status == "interrupted", executor)
+    return result, wanted

@@ -10,7 +10,6 @@ import json
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 from hfsim.deck.ranges import RangeError, Value, read_values, written
 from hfsim.deck.source import Setting
@@ -125,19 +124,15 @@ def vary(text: str) -> Axis:
     path = path.strip()
     if not equals or not path:
         raise AxisError(f"'{text}': write PATH=log(first,last,count), PATH=lin(...) or PATH=a,b,c")
-    return vary_path(path)(values)
-
-
-def vary_path(path: str, by: str = "--vary") -> Callable[[str], Axis]:
-    """Return what reads the axis of one entry of a deck, which is asked for by an option or argument."""
-    return partial(_varied, path, by)
+    return varied(path, "--vary", values)
 
 
 _OTHERWISE = {"solve.model": "models", "solve.method": "methods"}
 """What each point of a map has of its row, by the options and arguments that name the rows."""
 
 
-def _varied(path: str, by: str, values: str) -> Axis:
+def varied(path: str, by: str, values: str) -> Axis:
+    """Return the axis of one entry of a deck, which is asked for by an option or argument."""
     if path in _OTHERWISE:
         instead = ("--" if by.startswith("--") else "") + _OTHERWISE[path]
         raise AxisError(f"{path} is no axis: name what to map with {instead}")
