@@ -12,8 +12,7 @@ from hfsim.output.page import doubts, html_table, origin, page, pictures, sectio
 from hfsim.output.text import Column, for_a_file, line_width, plural, table, wrapped
 from hfsim.output.writers import warnings_of
 from hfsim.studies.compare.difference import Difference
-from hfsim.studies.compare.result import Comparison, ModelResult
-from hfsim.studies.compare.words import percent
+from hfsim.studies.compare.result import Comparison, ModelResult, percent
 from hfsim.studies.timing import Spread
 
 _PHASES = ("build", "error_estimate", "write", "plots")

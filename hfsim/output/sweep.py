@@ -86,19 +86,14 @@ class Wanted:
     def identity(self) -> dict[str, Any]:
         """What must be the same where a sweep is gone on with: deck, plan and all that rows depend on."""
         setting = self.setting
-        told = {
-            "error_estimate": setting.error_estimate,
-            "mesh_estimate": setting.mesh_estimate,
-            "diagnosis": setting.diagnosis,
-            "limit": setting.limit,
-            "keep": self.keep,
-        }
+        of_runs = ("error_estimate", "mesh_estimate", "diagnosis", "limit")
+        told = {key: getattr(setting, key) for key in of_runs}
         facts: dict[str, Any] = {
             "hfsim": __version__,
             "plan": self.plan.facts,
             "count": self.plan.count,
             "collect": list(self.collected),
-            "setting": told,
+            "setting": {**told, "keep": self.keep},
             "resolved": self.loaded.deck.resolved(),
         }
         if any(path.startswith("parameters.") for path in self.plan.paths):

@@ -175,7 +175,9 @@ class Cluster(Executor):
         try:
             while self.goes_on():
                 while len(under_way) < 2 * self._count() and (task := self._next()) is not None:
-                    future = self._submit(task)
+                    own = (_versions(), self.texts, task.function, task.argument)
+                    key = f"hfsim-{uuid.uuid4().hex}"
+                    future = self.client.submit(_work, *own, key=key, pure=False)
                     under_way[future.key] = future, task
                     pool.add(future)
                 if not under_way:
@@ -209,10 +211,6 @@ class Cluster(Executor):
                 self.jobs = max(1, len(self.client.nthreads()))
             self._looked = time.monotonic()
         return self.jobs
-
-    def _submit(self, task: Task) -> Any:
-        own = (_versions(), self.texts, task.function, task.argument)
-        return self.client.submit(_work, *own, key=f"hfsim-{uuid.uuid4().hex}", pure=False)
 
     def _taken(self, future: Any, task: Task) -> Outcome:
         if future.status == "finished":

@@ -20,8 +20,7 @@ from hfsim.output.plots.panel import Curve, Panel, key, mark_zero
 from hfsim.output.plots.scale import with_unit
 from hfsim.output.plots.sheet import Sheet
 from hfsim.output.plots.style import BLUE, COLOURS, GREEN, ORANGE, PURPLE, RED, SIZE, ended, slug
-from hfsim.studies.compare.result import Comparison
-from hfsim.studies.compare.words import percent
+from hfsim.studies.compare.result import Comparison, percent
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

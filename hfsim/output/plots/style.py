@@ -32,7 +32,7 @@ def slug(name: str) -> str:
 
 def ended(run: Run) -> str:
     """Return how and when a run ended before its time."""
-    from hfsim.studies.compare.words import ending  # of all runs few end before their time
+    from hfsim.studies.compare.result import ending  # of all runs few end before their time
 
     return ending(run.status, run.stop_time)
 

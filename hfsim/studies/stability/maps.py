@@ -7,7 +7,7 @@ runs out is coarse rather than cut off.  Nothing is printed or written here.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from itertools import product
+from itertools import pairwise, product
 from typing import Any
 
 from hfsim.deck.overrides import unit_of
@@ -19,9 +19,12 @@ from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.axes import Axis, point_overrides
 from hfsim.studies.farm import Executor
 from hfsim.studies.stability.asked import Plan
-from hfsim.studies.stability.bisection import bisected
 from hfsim.studies.stability.mapper import Mapper
 from hfsim.studies.stability.results import Boundary, MapAxis, MapPoint, StabilityMap, Wanted
+
+_SILENT = ("deck", "no result", "not computed")
+"""Classes that say nothing about the point."""
+_MOST_ROUNDS = 40
 
 
 def coarse_first(count: int) -> list[int]:
@@ -122,3 +125,53 @@ def _in_order(points: Iterable[MapPoint], plan: Plan) -> tuple[MapPoint, ...]:
         return plan.models.index(p.model), plan.methods.index(p.method), *at
 
     return tuple(sorted(points, key=place))
+
+
+# --- where a class ends --------------------------------------------------------------------------
+
+
+def bisected(mapper: Mapper, plan: Plan, found: dict[Wanted, MapPoint]) -> tuple[Boundary, ...]:
+    """Halve the gaps between points of a class and others along the one axis; add the points to `found`."""
+    axis, width, ending = plan.axes[0], plan.bisect or 0.0, plan.ending
+    rows = list(product(plan.models, plan.methods))
+    gaps = {row: gap for row in rows if (gap := _gap(row, found, ending)) is not None}
+    for _ in range(_MOST_ROUNDS):
+        wanted = {}
+        for row, (low, high) in gaps.items():
+            a, b = float(low.values[0]), float(high.values[0])
+            if abs(b - a) > width * max(abs(a), abs(b)):
+                wanted[row] = ((axis.middle(a, b),), *row)
+        if not wanted or mapper.used >= plan.seconds or mapper.interrupted:
+            break
+        points = mapper.compute(wanted.values())
+        told = {one: p for one, p in points.items() if p.outcome not in _SILENT}
+        found |= told
+        if len(told) < len(points):
+            gaps = {row: gap for row, gap in gaps.items() if row not in wanted or wanted[row] in told}
+        gaps = {row: gap for row in gaps if (gap := _gap(row, found, ending, gaps[row])) is not None}
+    return tuple(_boundary(row, *gaps[row]) for row in rows if row in gaps)
+
+
+def _gap(
+    row: tuple[str, str],
+    found: dict[Wanted, MapPoint],
+    ending: str,
+    within: tuple[MapPoint, MapPoint] | None = None,
+) -> tuple[MapPoint, MapPoint] | None:
+    """Return the first pair of neighbours of which one is of a class and one is not."""
+    mine = [p for p in found.values() if (p.model, p.method) == row and p.outcome not in _SILENT]
+    if within is not None:
+        low, high = (float(p.values[0]) for p in within)
+        mine = [p for p in mine if low <= float(p.values[0]) <= high]
+    mine.sort(key=lambda p: float(p.values[0]))
+    for a, b in pairwise(mine):
+        if (a.outcome == ending) != (b.outcome == ending):
+            return a, b
+    return None
+
+
+def _boundary(row: tuple[str, str], low: MapPoint, high: MapPoint) -> Boundary:
+    bad = high if low.outcome == "accurate" else low
+    return Boundary(
+        *row, float(low.values[0]), float(high.values[0]), low.outcome, high.outcome, bad.verdict.reason
+    )

@@ -15,7 +15,7 @@ import numpy as np
 from hfsim.errors import DeckError, SolverFailure
 from hfsim.marching.balance import balance, step_samples
 from hfsim.marching.integration import Integration
-from hfsim.marching.sampling import SceneSamples, compute_channels, sample
+from hfsim.marching.sampling import compute_channels, sample
 from hfsim.marching.solution import Channel
 from hfsim.marching.stop import Budget, TimeUp
 from hfsim.scene.build import Scene, build
@@ -102,7 +102,10 @@ def _tried(job: Job, scene: Scene, done: Integration, left: float) -> Trial:
     channels = compute_channels(samples)
     if not (np.isfinite(drift) and all_finite(channels)):
         return Trial("failed", "numerical", "the result is not finite", end)
-    doubt = _doubt(scene, done, samples, drift, left) if job.diagnosed else {}
+    doubt: dict[str, Any] = {}
+    if job.diagnosed:
+        facts = {"energy_drift": drift, "validity": validity(samples, done.trajectory)}
+        doubt = suspect(scene, done, facts, _for_experiments(left)) or {}
     found = (doubt.get("class", ""), doubt.get("reason", ""), end, doubt.get("item", ""))
     return Trial("done", *found, drift=drift, channels=channels, times=samples.t)
 
@@ -116,14 +119,6 @@ def _stopped(job: Job, scene: Scene, done: Integration, left: float) -> Trial:
         return Trial("failed", "deck" if stop.kind == "deck" else "", str(stop), end, stop.item)
     kind, item, reason = why_stopped(scene, done, left)
     return Trial("failed", kind, reason, end, item)
-
-
-def _doubt(
-    scene: Scene, done: Integration, samples: SceneSamples, drift: float, left: float
-) -> dict[str, Any]:
-    """Return what makes a completed run suspicious; empty if nothing does."""
-    facts = {"energy_drift": drift, "validity": validity(samples, done.trajectory)}
-    return suspect(scene, done, facts, _for_experiments(left)) or {}
 
 
 def all_finite(channels: Iterable[Channel]) -> bool:

@@ -216,7 +216,8 @@ def table(path: Path) -> Plan:
     paths = tuple(name.strip() for name in next(lines, []))
     wrong = list(_wrong_names(paths))
     columns: list[list[Value]] = [[] for _ in paths]
-    for line, cells in () if wrong else _filled(lines):
+    for cells in () if wrong else (row for row in lines if any(cell.strip() for cell in row)):
+        line = lines.line_num
         if len(cells) != len(paths):
             wrong.append((line, "", f"{len(cells)} values for {len(paths)} columns"))
             continue
@@ -239,11 +240,6 @@ def table(path: Path) -> Plan:
 def _tabled(columns: Sequence[Sequence[Value] | Array], number: int) -> tuple[Value, ...]:
     found = (one[number] for one in columns)
     return tuple(value if isinstance(value, str) else float(value) for value in found)
-
-
-def _filled(lines: Any) -> Iterator[tuple[int, list[str]]]:
-    """Yield the rows that are not empty, with their line."""
-    yield from ((lines.line_num, cells) for cells in lines if any(cell.strip() for cell in cells))
 
 
 def _wrong_names(paths: tuple[str, ...]) -> Iterator[tuple[int, str, str]]:
