@@ -148,40 +148,27 @@ def publish_modes(found: Modes, study: Study, as_csv: bool, matrices: Path | Non
     """Write and tell the modes of one state."""
     from hfsim.output import modes as report
 
-    rows = report.mode_rows(found)
     if matrices is not None:
         write_matrices(found, matrices)
-    _publish(
-        study, found.facts(), "modes", report.columns_of(found), rows, as_csv,
-        report.modes_text(found, f"{study.path}/"), drawn_by("modes:draw_modes", found),
-    )  # fmt: skip
+    table = report.columns_of(found), report.mode_rows(found)
+    text = _csv(*table) if as_csv else report.modes_text(found, f"{study.path}/")
+    study.publish(found.facts(), {"modes": table}, text, drawn_by("modes:draw_modes", found), asked=as_csv)
 
 
 def publish_campbell(result: Campbell, study: Study, as_csv: bool) -> None:
     """Write and tell the modes at several rates."""
     from hfsim.output import modes as report
 
-    _publish(
-        study, result.facts(), "campbell", report.CAMPBELL_COLUMNS, result.rows(), as_csv,
-        report.campbell_text(result, f"{study.path}/"), drawn_by("campbell:draw_campbell", result),
-    )  # fmt: skip
+    table = report.CAMPBELL_COLUMNS, result.rows()
+    text = _csv(*table) if as_csv else report.campbell_text(result, f"{study.path}/")
+    draw = drawn_by("campbell:draw_campbell", result)
+    study.publish(result.facts(), {"campbell": table}, text, draw, asked=as_csv)
 
 
-def _publish(
-    study: Study,
-    facts: dict[str, Any],
-    stem: str,
-    columns: Sequence[Any],
-    rows: Sequence[Any],
-    as_csv: bool,
-    text: str,
-    draw: Any,
-) -> None:
-    if as_csv:
-        from hfsim.output.writers import table_text
+def _csv(columns: Sequence[Any], rows: Sequence[Any]) -> str:
+    from hfsim.output.writers import table_text
 
-        text = table_text(rows, columns).rstrip("\n")
-    study.publish(facts, {stem: (columns, rows)}, text, draw, asked=as_csv)
+    return table_text(rows, columns).rstrip("\n")
 
 
 def write_matrices(found: Modes, path: Path) -> None:

@@ -183,7 +183,7 @@ def _verdict(found: Modes) -> Iterator[str]:
         yield "whether one is missing between them could not be checked: try another --count"
 
 
-def _listed(numbers: Sequence[int]) -> str:
+def _listed(numbers: Sequence[int | str]) -> str:
     shown = ", ".join(map(str, numbers[:_MOST_TOLD]))
     return shown + (", ..." if len(numbers) > _MOST_TOLD else "")
 
@@ -202,7 +202,8 @@ def campbell_text(result: Campbell, place: str) -> str:
     ]
     lines = [f"{scene.deck.name}, {scene.model}: frequencies [Hz] in steady rotation, {result.view}"]
     if result.unsteady:
-        told = f"no steady rotation at {_rates(result.unsteady)} rad/s: neither frequencies nor crossings"
+        rates = _listed([f"{rate:.4g}" for rate in result.unsteady])
+        told = f"no steady rotation at {rates} rad/s: neither frequencies nor crossings"
         lines.append(wrapped(told))
     lines += [wrapped(one) for one in _of_missed(result.missed)]
     for rate, found in zip(result.rates, result.founds, strict=True):
@@ -247,12 +248,6 @@ def _of_guesses(guessed: Sequence[dict[str, Any]]) -> Iterator[str]:
             yield f"{where} may have become another than told: shapes change too fast there to be followed"
     if len(guessed) > _MOST_TOLD:
         yield f"and {len(guessed) - _MOST_TOLD} more, see modes.json"
-
-
-def _rates(rates: Sequence[float]) -> str:
-    return ", ".join(f"{rate:.4g}" for rate in rates[:_MOST_TOLD]) + (
-        ", ..." if len(rates) > _MOST_TOLD else ""
-    )
 
 
 def _cell(mode: Mode | None) -> str | None:

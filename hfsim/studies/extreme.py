@@ -242,7 +242,8 @@ def examine(order: tuple[Job, Expectation]) -> Case:
     truths: dict[str, Truth] = {}
     for model in dict.fromkeys((TRUTH_MODEL, solve.model)):
         truths[model] = solve_reference(replace(left(model), disturbed=model == TRUTH_MODEL))
-    first = _verdict(trial, truths[solve.model], truths[TRUTH_MODEL], expectation.bounds)
+    truth, exact = truths[solve.model], truths[TRUTH_MODEL]
+    first = classify(trial.against(truth), truth, exact, expectation.bounds)
     for model in first.references(solve.model):
         truths[model] = check_reference(
             replace(left(model), truth=truths[model], bound=expectation.bounds.error)
@@ -252,12 +253,8 @@ def examine(order: tuple[Job, Expectation]) -> Case:
 
 def judged(expectation: Expectation, trial: Trial, truth: Truth, exact: Truth) -> Case:
     """Return the case of a deck from its run and its references."""
-    verdict = _verdict(trial, truth, exact, Bounds())
+    verdict = classify(trial.against(truth), truth, exact, Bounds())
     return Case(expectation, verdict, replace(trial, channels=(), times=None), _values(expectation, trial))
-
-
-def _verdict(trial: Trial, truth: Truth, exact: Truth, bounds: Bounds) -> Verdict:
-    return classify(trial.against(truth), truth, exact, bounds)
 
 
 def _values(expectation: Expectation, trial: Trial) -> tuple[Found, ...]:
