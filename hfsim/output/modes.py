@@ -232,8 +232,9 @@ def _of_missed(missed: dict[float, str]) -> Iterator[str]:
     """Yield at which rates no modes were found, and what may be unknown for it."""
     if missed:
         why = next(iter(missed.values()))
+        rates = _listed([f"{rate:.4g}" for rate in missed])
         yield (
-            f"left out, as no steady rotation was found there: {_rates(list(missed))} rad/s ({why}); between "
+            f"left out, as no steady rotation was found there: {rates} rad/s ({why}); between "
             "the rates beside these what is critical, excited or grows may be missing or told less exactly"
         )
 
