@@ -214,7 +214,7 @@ class JointRows:
     def _constant_transpose(self) -> Matrix:
         """That part, transposed: by the coordinates at the joints, or by all where it is sparse."""
         if self.sparse and (self.constant or self.n_rows * len(self.support) > FEW_DENSE):
-            return self._assembled(self._still_entries).T.tocsr()
+            return self._assembled(self.still_entries).T.tocsr()
         return np.ascontiguousarray(self._constant_rows[0].T)
 
     @cached_property
@@ -273,14 +273,14 @@ class JointRows:
 
     def entries(self, x: Array) -> Entries:
         """Return the entries of Phi_x in states (n_batch, n_x), their values (n_batch, n_entries)."""
-        still = self._still_entries
+        still = self.still_entries
         parts = [still._replace(values=np.broadcast_to(still.values, (len(x), still.values.shape[1])))]
         changing = zip(self._changing_ends, self._changing_places, strict=True)
         parts += [Entries(*places, end.values(x)) for end, places in changing]
         return Entries.joined([*parts, *(part.entries(x) for part in self._products)])
 
     @cached_property
-    def _still_entries(self) -> Entries:
+    def still_entries(self) -> Entries:
         """Those that never change, values (1, n_entries)."""
         nothing = NOTHING._replace(values=np.zeros((1, 0)))
         still = (end for end in self.ends if end.still)

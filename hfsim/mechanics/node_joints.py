@@ -16,6 +16,7 @@ from hfsim.maths.arrays import Array, IntArray, distinct, slices
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import AT_ONCE, Entries, Matrix
 from hfsim.maths.scattered import ScatteredSums, SymmetricSums
+from hfsim.maths.traced import product
 from hfsim.mechanics.axes_rows import AxesAt
 from hfsim.mechanics.node_solution import NodeSolution
 
@@ -82,10 +83,7 @@ class NodeJoints:
 
     @classmethod
     def of(cls, by_nodes: NodeSolution, whole_mass: Matrix) -> NodeJoints | None:
-        """Return the solution; None without joints, or where they act on coordinates whose mass is coupled.
-
-        Nor is there one of slender bodies, of which rounding would have to be taken away.
-        """
+        """Return the solution; None without joints or where these act on coordinates of coupled mass."""
         if not len(by_nodes.rows):
             return None
         from scipy.sparse import csr_array
@@ -94,7 +92,7 @@ class NodeJoints:
         found = cls(by_nodes, others.diagonal())
         others.setdiag(0.0)
         coupled = np.asarray(abs(others).sum(axis=1)).ravel()[found._kinds[-1]].any()
-        return None if coupled or by_nodes.slender else found
+        return None if coupled else found
 
     def _entries(self, x: Array) -> Entries:
         """Return the entries of the derivatives of the joints' rows, (n_joint_rows, n)."""
@@ -192,6 +190,15 @@ class NodeJoints:
         return self._opening.of(np.concatenate(opened, axis=1))
 
     def _solved(self, joined: _Joined, f: Array, gamma: Array) -> tuple[Array, Array]:
+        """Return accelerations and multipliers; with slender bodies also of what rounding leaves."""
+        a, multipliers = self._solved_once(joined, f, gamma)
+        if self.by_nodes.slender:
+            left = f - product(self.by_nodes.mass, a.T).T - self._pull(joined, multipliers)
+            more = self._solved_once(joined, left, gamma - self._opening_by(joined, a, gamma))
+            a, multipliers = a + more[0], multipliers + more[1]
+        return a, multipliers
+
+    def _solved_once(self, joined: _Joined, f: Array, gamma: Array) -> tuple[Array, Array]:
         at, nodes = joined.at, self.by_nodes
         a, multipliers = nodes.without_joints(at, f, gamma)
         found = joined.closing(self._opened(joined, a) - gamma[:, nodes.rows])
@@ -202,6 +209,21 @@ class NodeJoints:
             if part.kind < len(at):
                 multipliers[:, nodes.nodes[part.kind].rows[part.own]] -= (by_nodes @ acting)[..., 0]
         return a, multipliers
+
+    def _pull(self, joined: _Joined, multipliers: Array) -> Array:
+        """Return Phi_z^T lambda, shape (n_batch, n)."""
+        pull, at_joints = np.zeros((len(multipliers), len(self.mass))), multipliers[:, self.by_nodes.rows]
+        for part, J in zip(self._parts[0], joined.jacobians, strict=True):
+            pull[:, part.columns] += (at_joints[:, part.rows][..., None, :] @ J)[..., 0, :]
+        self.by_nodes.pull_nodes(joined.at, multipliers, pull)
+        return pull
+
+    def _opening_by(self, joined: _Joined, a: Array, gamma: Array) -> Array:
+        """Return Phi_z a, of the shape of gamma."""
+        opening = np.empty_like(gamma)
+        self.by_nodes.open_nodes(joined.at, a, opening)
+        opening[:, self.by_nodes.rows] = self._opened(joined, a)
+        return opening
 
     def solve(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
         """Return accelerations (n_batch, n) and multipliers (n_batch, n_rows) for forces f (n_batch, n).
@@ -225,11 +247,9 @@ class NodeJoints:
         return self._in_turn(self._missing, x, f, gamma, a)
 
     def _missing(self, x: Array, f: Array, gamma: Array, a: Array) -> tuple[Array, Array]:
-        joined, gaps = self._joined(x), np.empty_like(gamma)
+        joined = self._joined(x)
         missing = self._solved(joined, f, gamma)[0] - a
-        self.by_nodes.open_nodes(joined.at, missing, gaps)
-        gaps[:, self.by_nodes.rows] = self._opened(joined, missing)
-        return missing, gaps
+        return missing, self._opening_by(joined, missing, gamma)
 
     def _in_turn(
         self, solve: Callable[..., tuple[Array, Array]], x: Array, f: Array, *others: Array

@@ -164,12 +164,36 @@ def test_slender_and_flat_bodies_cost_no_more_steps_than_others():
     assert x == pytest.approx(near, abs=1e-6)
 
 
-def links(parents, ring=()):
-    """The deck of rigid bodies, some flat, each on a ball of another or of the ground; others close loops."""
+def test_a_light_body_on_a_long_lever_costs_no_more_steps_than_others():
+    """Its joint turns it 5e8 times as easily as it moves it: rounding turned the joint's force."""
+
+    def evaluations(inertia):
+        text = f"""hfsim: 1
+gravity: [0, 0, -9.81]
+bodies:
+  plate: {{type: rigid, mass: 1, inertia: [1, 1, 1], points: {{hang: [0.3, 0, 10]}}}}
+  bob: {{type: rigid, mass: 5, inertia: [{inertia}, {inertia}, {inertia}], points: {{top: [0, 0, 10]}}}}
+joints:
+  turn: {{type: driver, between: [ground, plate], angle: {{type: constant_rate, rate: 0.05}}}}
+  axle: {{type: revolute, between: [ground, plate]}}
+  hook: {{type: spherical, between: [plate.hang, bob.top]}}
+initial: {{bob: {{orientation: {{axis: [0, 1, 0], angle: 5 deg}}, exact: false}}}}
+solve: {{duration: 3, tolerance: 1.0e-7, method: gauss}}
+"""
+        scene = build(parse_deck(text))
+        found = run_integration(scene, scene.deck.solve)
+        assert found.stop is None
+        return found.problem.counts.evaluations
+
+    assert evaluations(1e-6) < 1.5 * evaluations(1.0)
+
+
+def links(parents, ring=(), odd="0.02, 0.09, 0.11"):
+    """The deck of rigid bodies, some of them odd, each on a ball of another or the ground; others close loops."""
     points = "{a: [-0.5, 0, 0], b: [0.5, 0, 0], c: [0.3, 0.2, 0.1]}"
     bodies, joints = [], []
     for k, parent in enumerate(parents):
-        inertia = f"[0.02, 0.09, {0.11 if k % 5 == 3 else 0.1}]"
+        inertia = f"[{odd if k % 5 == 3 else '0.02, 0.09, 0.1'}]"
         bodies.append(f"  b{k}: {{type: rigid, mass: 1.0, inertia: {inertia}, points: {points}}}")
         end = "ground" if parent < 0 else f"b{parent}.b"
         joints.append(f"  j{k}: {{type: spherical, between: [{end}, b{k}.a]}}")
@@ -198,6 +222,8 @@ LINKED = {
     "fan": ([-1, *[0] * 40], ()),
     "tree": ([(k - 1) // 2 for k in range(63)], ()),
     "loops": (range(-1, 40), ((3, 5), (10, 30))),
+    "slender": (range(-1, 40), ((3, 5),), "1.0e-9, 0.1, 0.1"),
+    "light": (range(-1, 40), ((3, 5),), "1.0e-8, 1.0e-8, 1.0e-8"),
 }
 
 
