@@ -189,7 +189,7 @@ solve: {{duration: 3, tolerance: 1.0e-7, method: gauss}}
 
 
 def links(parents, ring=(), odd="0.02, 0.09, 0.11"):
-    """The deck of rigid bodies, some of them odd, each on a ball of another or the ground; others close loops."""
+    """The deck of rigid bodies, some of them odd, each on a ball of another or the ground, with rings."""
     points = "{a: [-0.5, 0, 0], b: [0.5, 0, 0], c: [0.3, 0.2, 0.1]}"
     bodies, joints = [], []
     for k, parent in enumerate(parents):
