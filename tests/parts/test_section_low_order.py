@@ -39,6 +39,7 @@ def shortened(mesh, X):
     (own, rows), n, le = mesh.point_vectors, mesh.n_dim, mesh.axis.length / mesh.count
     d = (rows @ mesh.undeformed[own])[:, 1:n]
     first = np.cross(d[:, 0], d[:, 1]) if n == 3 else np.stack([d[:, 0, 1], -d[:, 0, 0]], axis=-1)
+    first = first / np.linalg.norm(first, axis=-1, keepdims=True)
     t = np.linalg.inv(np.concatenate([first[:, None], d], axis=1))[..., 0]
     slope = (rows @ (X - mesh.undeformed)[own])[:, 0]
     rate = 0.5 * np.sum((d @ slope[..., None])[..., 0] ** 2, axis=-1)[:, None] * t

@@ -1,7 +1,7 @@
 """Beam with shear: centre line r and section vectors d at every node, two in space and one in the plane.
 
 Geometrically exact beam of Simo and Reissner in the vectors of Betsch and Steinmann (IJNME 54, 2002), with
-torsion in space: its strains (`hfsim.parts.elements.spatial_strains`, `planar_strains`) are polynomials of
+torsion in space: its strains (`hfsim.parts.elements.spatial_strains`, `planar_strains`) are functions of
 r', d and d' that no rigid motion changes; (N, M) = C (Gamma, kappa) of what they are more than undeformed.
 Nodes hold section vectors at unit length and at right angles.
 
@@ -79,7 +79,7 @@ class CosseratLaw:
     integrals: ClassVar[str] = "as many Gauss points an element as its degree"
     pieces: ClassVar[str] = "Gauss points"
     quartic: ClassVar[bool] = False
-    """It is of degree six in space, and nodes have equations that are not linear."""
+    """It is no polynomial, and nodes have equations that are not linear."""
 
     @property
     def shared(self) -> Hashable:

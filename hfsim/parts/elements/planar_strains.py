@@ -1,7 +1,7 @@
-"""Strains of beams with a section vector in the plane, as polynomials of (r', d, d').
+"""Strains of beams with a section vector in the plane, as functions of (r', d, d').
 
-d is the second axis of the section, P d = (d_y, -d_x) its first: Gamma_1 = P d . r' + (1 - d . d) / 2,
-Gamma_2 = d . r' and kappa = - P d . d'.  They are those in space with a third axis across the plane.
+d is the second axis of the section, P d = (d_y, -d_x) its first: Gamma_1 = P d . r' / |d|, Gamma_2 = d . r'
+and kappa = - P d . d'.  They are those in space with a third axis across the plane.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ def strains(v: Array) -> Array:
     """Return Gamma_1, Gamma_2 and kappa, shape (3, ...), of vectors (r', d, d'), shape (3, 2, ...)."""
     (slope_x, slope_y), (x, y), (bent_x, bent_y) = v
     e = np.empty((3, *v.shape[2:]))
-    e[0] = y * (slope_x - 0.5 * y) - x * (slope_y + 0.5 * x) + 0.5
+    e[0] = (y * slope_x - x * slope_y) / np.sqrt(x * x + y * y)
     e[1] = x * slope_x + y * slope_y
     e[2] = x * bent_y - y * bent_x
     return e
@@ -29,11 +29,14 @@ def pulled(v: Array, S: Array) -> Array:
     """Return the forces on the vectors, shape (3, 2, ...), that do the work of section forces (3, ...)."""
     (slope_x, slope_y), (x, y), (bent_x, bent_y) = v
     axial, shear, moment = S
+    square = x * x + y * y
+    along = axial / np.sqrt(square)
+    turning = along * (x * slope_x + y * slope_y) / square
     f = np.empty(v.shape)
-    f[0, 0] = axial * y + shear * x
-    f[0, 1] = shear * y - axial * x
-    f[1, 0] = shear * slope_x - axial * (slope_y + x) + moment * bent_y
-    f[1, 1] = shear * slope_y + axial * (slope_x - y) - moment * bent_x
+    f[0, 0] = along * y + shear * x
+    f[0, 1] = shear * y - along * x
+    f[1, 0] = shear * slope_x - turning * y + moment * bent_y
+    f[1, 1] = shear * slope_y + turning * x - moment * bent_x
     f[2, 0] = -moment * y
     f[2, 1] = moment * x
     return f
@@ -41,9 +44,14 @@ def pulled(v: Array, S: Array) -> Array:
 
 def bent_by(V: Array, S: Array) -> Array:
     """Return the derivative of `pulled` by the vectors at constant S (3, ...), shape (..., 6, 6)."""
-    S, one = S[..., None, None], np.eye(2)
+    (slope, d), S, one = np.moveaxis(V[..., :2, :], -2, 0)[..., None], S[..., None, None], np.eye(2)
+    first, square = _BACK @ d, d.swapaxes(-1, -2) @ d
+    both, turning = d @ first.swapaxes(-1, -2), first @ first.swapaxes(-1, -2)
+    stretch, shear = (a.swapaxes(-1, -2) @ slope / square for a in (first, d))
+    along = S[0] / square**1.5
+    turned = along * (shear * (both + both.swapaxes(-1, -2)) - stretch * turning)
     K = np.zeros((*V.shape[:-2], 3, 2, 3, 2))
-    blocks = {(0, 1): S[0] * _BACK + S[1] * one, (1, 1): -S[0] * one, (1, 2): S[2] * _BACK}
+    blocks = {(0, 1): S[1] * one - along * both, (1, 1): turned, (1, 2): S[2] * _BACK}
     for (i, j), block in blocks.items():
         K[..., i, :, j, :] = block
         K[..., j, :, i, :] = block.swapaxes(-1, -2)

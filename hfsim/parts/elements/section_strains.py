@@ -1,4 +1,4 @@
-"""Strains of beams with section vectors as polynomials of vectors: what a space, and what sections say."""
+"""Strains of beams with section vectors as functions of vectors: what a space, and what sections say."""
 
 from __future__ import annotations
 
