@@ -23,7 +23,6 @@ from hfsim.integrators import (
     part_of,
 )
 from hfsim.marching.runaway import Watches
-from hfsim.marching.stop import SHIELD
 from hfsim.maths.arrays import Array, IntArray
 
 Stop: TypeAlias = HfsimError | KeyboardInterrupt | None
@@ -67,11 +66,11 @@ class Steps:
         try:
             if self.path.t_end == self._start[0]:
                 self._watches(*self._start)
-            for _ in self._stepping:
-                SHIELD.heed()
-                yield None
-        except (LimitReached, SolverFailure, KeyboardInterrupt) as told:
-            self._early = told
+        except (LimitReached, SolverFailure, KeyboardInterrupt) as at_once:
+            self._early = at_once
+            return
+        for _ in self._stepping:
+            yield None
 
     def settle(self) -> None:
         """Bring the path to where the steps have come: it is there."""

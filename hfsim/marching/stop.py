@@ -60,11 +60,6 @@ class Shield:
             raise by
         self._held = by
 
-    def heed(self) -> None:
-        """Raise an interruption that was lost on its way: libraries may swallow what is raised."""
-        if self.taken is not None:
-            raise self.taken
-
     def __enter__(self) -> None:
         self._depth += 1
 

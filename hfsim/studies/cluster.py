@@ -173,7 +173,7 @@ class Cluster(Executor):
         distributed, under_way = _distributed(), dict[str, tuple[Any, Task]]()
         pool = distributed.as_completed()
         try:
-            while self.goes_on():
+            while time.perf_counter() < self.end:
                 while len(under_way) < 2 * self._count() and (task := self._next()) is not None:
                     own = (_versions(), self.texts, task.function, task.argument)
                     key = f"hfsim-{uuid.uuid4().hex}"

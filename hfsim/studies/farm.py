@@ -23,7 +23,6 @@ from types import FrameType, ModuleType
 from typing import Any, ClassVar
 
 from hfsim.errors import HfsimError
-from hfsim.marching.stop import SHIELD
 
 _GRACE = 2.0
 """Time a worker gets beyond its limit to end by itself [s]; then it is ended."""
@@ -165,11 +164,6 @@ class Executor(ABC):
         """The deadline, if it counts."""
         return float("inf") if self.patient else self.deadline
 
-    def goes_on(self) -> bool:
-        """Tell whether there is time left; raise an interruption that nobody has heeded."""
-        SHIELD.heed()
-        return time.perf_counter() < self.end
-
     @property
     def why_unreached(self) -> str:
         """Why there are any."""
@@ -191,7 +185,7 @@ class Here(Executor):
 
     def outcomes(self) -> Generator[Outcome, None, None]:
         """Serve the queue; see `Executor.outcomes`. What a job raises is raised."""
-        while self.goes_on() and (task := self._next()) is not None:
+        while time.perf_counter() < self.end and (task := self._next()) is not None:
             yield Outcome(task.key, task.function(task.argument))
 
 
@@ -213,7 +207,7 @@ class Farm(Executor):
     def outcomes(self) -> Generator[Outcome, None, None]:
         """Serve the queue; see `Executor.outcomes`."""
         try:
-            while self.goes_on():
+            while time.perf_counter() < self.end:
                 self._hand_out()
                 if not any(worker.task for worker in self._workers):
                     return

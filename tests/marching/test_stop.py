@@ -1,7 +1,5 @@
 """Budgets end runs in time, keep what was done, and tell how far they are used."""
 
-from contextlib import suppress
-
 import pytest
 
 from hfsim.marching.integration import run_integration
@@ -69,18 +67,6 @@ def test_a_shield_holds_an_interruption_back_until_what_it_guards_is_whole(monke
     assert done == ["inner", "outer"]
     with pytest.raises(KeyboardInterrupt):
         SHIELD.interrupt(KeyboardInterrupt())
-
-
-def test_an_interruption_that_something_swallows_ends_a_run_all_the_same(monkeypatch):
-    monkeypatch.setattr(SHIELD, "taken", None)
-
-    def swallowed(share):
-        with suppress(KeyboardInterrupt):
-            SHIELD.interrupt(KeyboardInterrupt())
-
-    scene = build(parse_deck(WHEEL))
-    done = run_integration(scene, scene.deck.solve, swallowed)
-    assert isinstance(done.stop, KeyboardInterrupt) and done.trajectory.t_end < scene.deck.solve.duration
 
 
 def test_what_its_parent_shields_holds_nothing_back_in_a_process_forked_off():

@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import suppress
 from dataclasses import replace
 from itertools import combinations
 from multiprocessing import connection
@@ -24,7 +23,6 @@ from hfsim.errors import ArgumentError, DeckError
 from hfsim.marching.distance import ChannelScale
 from hfsim.marching.integration import run_integration
 from hfsim.marching.solution import Channel
-from hfsim.marching.stop import SHIELD
 from hfsim.output.stability import map_text
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
@@ -179,21 +177,6 @@ def test_a_signal_just_before_the_wait_for_workers_ends_a_study(monkeypatch):
     finally:
         signal.signal(signal.SIGINT, before)
     assert farm.interrupted and time.perf_counter() - start < 10.0
-
-
-@pytest.mark.parametrize("executor", [Farm, Here])
-def test_an_interrupt_that_something_swallows_ends_a_study_all_the_same(monkeypatch, executor):
-    monkeypatch.setattr(SHIELD, "taken", None)  # which is put back, for the tests that follow
-
-    def take(outcome):
-        with suppress(KeyboardInterrupt):
-            SHIELD.interrupt(KeyboardInterrupt())
-
-    queue = executor(1)
-    for key in range(3):
-        queue.add(Task(key, sleep, 0.0))
-    queue.serve(take)
-    assert queue.interrupted and queue.unreached() == [1, 2]
 
 
 # --- axes ----------------------------------------------------------------------------------------
