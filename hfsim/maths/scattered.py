@@ -32,8 +32,8 @@ class ScatteredSums:
     def of(self, values: Array) -> Array:
         """Return the sums (n_batch, count) of values (n_batch, n_values)."""
         places = self.places + self.count * np.arange(len(values))[:, None]
-        sums: Array = np.bincount(places.ravel(), values.ravel(), self.count * len(values))
-        return sums.reshape(len(values), self.count)
+        sums = np.bincount(places.ravel(), values.ravel(), self.count * len(values))
+        return np.reshape(sums, (len(values), self.count)).astype(float, copy=False)
 
 
 @frozen
