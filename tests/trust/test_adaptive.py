@@ -324,7 +324,7 @@ def test_a_second_run_whose_change_finds_no_state_is_told_as_such(monkeypatch):
 
 def test_a_leg_between_two_output_times_has_no_outlines():
     """Its beam is wound up before the next one."""
-    text = free(3, interval=0.05).replace("0.01, 0, 0]", "4.0, 0, 0]")
+    text = free(3, interval=0.05).replace("0.01, 0, 0]", "20.0, 0, 0]")
     run = simulate(parse_deck(text), error_estimate=False, diagnosis=False, outlines=True)
     assert run.status == "failed" and "turns by" in run.reason
     assert len(run.outline_t) == len(run.outlines["b"]) == len(run.t)
