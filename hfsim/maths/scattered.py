@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, IntArray, distinct
+from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import factorised
+from hfsim.maths.matrices import SamePlaces, factorised
 from hfsim.maths.traced import aside
 
+Solve: TypeAlias = Callable[[Array], Array]
 NARROW = 8.0
 """Width of a band, over entries of a row, up to which its factors take less time than sparse ones."""
 
@@ -42,17 +45,14 @@ class SymmetricSums:
 
     Attributes
     ----------
-    sums : ScatteredSums
-        The entries: of the band below the diagonal, column by column, then of what is above; or of `places`.
-    order : ndarray of int, shape (n,)
-        Rows as they come in the band; none in sparse matrices.
-    places : tuple of ndarray of int, or None
-        Rows, and where columns begin and end, of sparse matrices.
+    factorise : callable
+        From the band of one matrix, or its values, to the map from right-hand sides (n,) to solutions.
+    band : ScatteredSums or None
+        Entries below the diagonal, column by column, then the sum of those above; None of sparse ones.
     """
 
-    sums: ScatteredSums
-    order: IntArray
-    places: tuple[IntArray, IntArray] | None = None
+    factorise: Callable[[Array], Solve]
+    band: ScatteredSums | None = None
 
     @classmethod
     def of(cls, rows: IntArray, columns: IntArray, n: int) -> SymmetricSums:
@@ -60,21 +60,18 @@ class SymmetricSums:
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-        flat = columns * n + rows
-        filled = distinct(flat)
-        ends = np.searchsorted(filled, n * np.arange(n + 1))
-        places = filled % n, ends
-        pattern = csr_array((np.ones(len(filled)), *places), shape=(n, n))
+        pattern = csr_array((np.ones(len(rows)), (rows, columns)), shape=(n, n))
         order = np.asarray(reverse_cuthill_mckee(pattern, symmetric_mode=True), dtype=np.intp)
         turn = np.argsort(order)
         i, j = turn[rows], turn[columns]
         width = int((i - j).max(initial=0)) + 1
-        if width * n > NARROW * len(filled):
-            return cls(ScatteredSums(np.searchsorted(filled, flat), len(filled)), order[:0], places)
+        if width * n > NARROW * pattern.nnz:
+            return cls(partial(_sparse, SamePlaces(rows, columns, (n, n))))
         # what is above the diagonal goes to a place of its own, behind the others
-        return cls(ScatteredSums(np.where(i >= j, j * width + i - j, n * width), n * width + 1), order)
+        places = np.where(i >= j, j * width + i - j, n * width)
+        return cls(partial(_band, order), ScatteredSums(places, n * width + 1))
 
-    def factorised(self, values: Array) -> Callable[[Array], Array]:
+    def factorised(self, values: Array) -> Solve:
         """Return the map from right-hand sides (n_batch, n) to solutions, by values (n_batch, n_values).
 
         Raises
@@ -82,20 +79,19 @@ class SymmetricSums:
         numpy.linalg.LinAlgError
             If a matrix is singular.
         """
-        return _Factorised(self, self.sums.of(values))
+        return _Factorised(self.factorise, values if self.band is None else self.band.of(values))
 
 
 class _Factorised:
     """Matrices of a batch by their factors, which a tape makes anew by a call of Python."""
 
-    def __init__(self, kind: SymmetricSums, entries: Array) -> None:
-        self._factorise = _band if kind.places is None else _sparse
-        self._kind, self._there = kind, np.zeros(1)
-        self._solve: Sequence[Callable[[Array], Array]] = ()
+    def __init__(self, factorise: Callable[[Array], Solve], entries: Array) -> None:
+        self._factorise, self._there = factorise, np.zeros(1)
+        self._solve: Sequence[Solve] = ()
         aside(self._take, entries, self._there)
 
     def _take(self, entries: Array, there: Array) -> None:
-        self._solve = [self._factorise(self._kind, own) for own in entries]
+        self._solve = [self._factorise(own) for own in entries]
 
     def __call__(self, rhs: Array) -> Array:
         found = np.zeros(rhs.shape)
@@ -107,24 +103,20 @@ class _Factorised:
             result[...] = solve(own)
 
 
-def _sparse(kind: SymmetricSums, entries: Array) -> Callable[[Array], Array]:
-    from scipy.sparse import csc_array
-
-    assert kind.places is not None
-    n = len(kind.places[1]) - 1
-    return factorised(csc_array((entries, *kind.places), shape=(n, n)))
+def _sparse(places: SamePlaces, values: Array) -> Solve:
+    return factorised(places.of(values[None]))
 
 
-def _band(kind: SymmetricSums, entries: Array) -> Callable[[Array], Array]:
+def _band(order: IntArray, entries: Array) -> Solve:
     from scipy.linalg.lapack import dpbtrf, dpbtrs
 
-    factors, info = dpbtrf(entries[:-1].reshape(len(kind.order), -1).T, lower=1)
+    factors, info = dpbtrf(entries[:-1].reshape(len(order), -1).T, lower=1)
     if info:
         raise np.linalg.LinAlgError("matrix is not positive definite")
 
     def solve(rhs: Array) -> Array:
         found = np.empty_like(rhs)
-        found[kind.order] = dpbtrs(factors, rhs[kind.order], lower=1)[0]
+        found[order] = dpbtrs(factors, rhs[order], lower=1)[0]
         return found
 
     return solve

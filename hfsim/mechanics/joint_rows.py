@@ -281,7 +281,7 @@ class JointRows:
 
     @cached_property
     def still_entries(self) -> Entries:
-        """Those that never change, values (1, n_entries)."""
+        """Entries of Phi_x that never change, values (1, n_entries)."""
         nothing = NOTHING._replace(values=np.zeros((1, 0)))
         still = (end for end in self.ends if end.still)
         return Entries.joined([nothing, *(Entries(*end.places, end.values(self._origin)) for end in still)])

@@ -178,7 +178,7 @@ class NodeJoints:
         return _Joined(at, jacobians, movements, multipliers, closing)
 
     @cached_property
-    def _opening(self) -> ScatteredSums:
+    def _by_rows(self) -> ScatteredSums:
         """What opens the rows of the joints, part by part."""
         rows = [part.rows.ravel() for part in self._parts[0]]
         return ScatteredSums(np.concatenate(rows), len(self.by_nodes.rows))
@@ -187,14 +187,14 @@ class NodeJoints:
         """Return what accelerations (n_batch, n) open the joints by, (n_batch, n_joint_rows)."""
         pairs = zip(self._parts[0], joined.jacobians, strict=True)
         opened = [(J @ a[:, part.columns][..., None]).reshape(len(a), -1) for part, J in pairs]
-        return self._opening.of(np.concatenate(opened, axis=1))
+        return self._by_rows.of(np.concatenate(opened, axis=1))
 
     def _solved(self, joined: _Joined, f: Array, gamma: Array) -> tuple[Array, Array]:
         """Return accelerations and multipliers; with slender bodies also of what rounding leaves."""
         a, multipliers = self._solved_once(joined, f, gamma)
         if self.by_nodes.slender:
             left = f - product(self.by_nodes.mass, a.T).T - self._pull(joined, multipliers)
-            more = self._solved_once(joined, left, gamma - self._opening_by(joined, a, gamma))
+            more = self._solved_once(joined, left, gamma - self._opening(joined, a, gamma))
             a, multipliers = a + more[0], multipliers + more[1]
         return a, multipliers
 
@@ -218,7 +218,7 @@ class NodeJoints:
         self.by_nodes.pull_nodes(joined.at, multipliers, pull)
         return pull
 
-    def _opening_by(self, joined: _Joined, a: Array, gamma: Array) -> Array:
+    def _opening(self, joined: _Joined, a: Array, gamma: Array) -> Array:
         """Return Phi_z a, of the shape of gamma."""
         opening = np.empty_like(gamma)
         self.by_nodes.open_nodes(joined.at, a, opening)
@@ -249,7 +249,7 @@ class NodeJoints:
     def _missing(self, x: Array, f: Array, gamma: Array, a: Array) -> tuple[Array, Array]:
         joined = self._joined(x)
         missing = self._solved(joined, f, gamma)[0] - a
-        return missing, self._opening_by(joined, missing, gamma)
+        return missing, self._opening(joined, missing, gamma)
 
     def _in_turn(
         self, solve: Callable[..., tuple[Array, Array]], x: Array, f: Array, *others: Array
